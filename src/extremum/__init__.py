@@ -1,0 +1,134 @@
+"""Extremum seeking control: describe a loop once, in equations; everything else is a reading of it.
+
+>>> import extremum as es
+>>> from extremum import s, pi
+>>> loop = es.Loop(
+...     field=es.Quadratic(source=(-1, -1), q=(1.0, 0.5), peak=1.0),
+...     vehicle=es.PointMass(axes=(1/s, 1/s)),
+...     controller=es.GradientES(
+...         frequency=30, washout=1.0,
+...         channels=(
+...             es.Channel(dither=es.Dither(0.08), gain=10),
+...             es.Channel(dither=es.Dither(0.08, phase=-pi/2), gain=10),
+...         )),
+...     start=(1, 1),
+... )
+>>> run = es.simulate(loop, 4.0)
+>>> run.attrs["outcome"]
+'completed'
+"""
+
+from __future__ import annotations
+
+from . import plots
+from .controllers import Channel, Controller, Dither, Excitation, GradientES, Probe, Reference
+from .description import Parameter
+from .errors import InvalidDescription
+from .fields import (
+    Expression,
+    Field,
+    Gaussian,
+    InverseSquare,
+    Moving,
+    Opaque,
+    Quadratic,
+    field_from,
+)
+from .gridded import Grid, Gridded
+from .loop import AtRest, InState, Loop, OnDither, Start
+from .lti import Lead, Rational, Transfer, TransferFunction
+from .paths import Along, Circle, FigureEight, Line, Path
+from .scenario import Run, Scenario, View, format_scenario, load_scenario, parse_scenario
+from .simulation import simulate
+from .symbols import (
+    acos,
+    acosh,
+    asin,
+    asinh,
+    atan,
+    atan2,
+    atanh,
+    cos,
+    cosh,
+    exp,
+    log,
+    pi,
+    s,
+    sin,
+    sinh,
+    sqrt,
+    t,
+    tan,
+    tanh,
+)
+from .system import System
+from .vehicles import PointMass, Vehicle
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Along",
+    "AtRest",
+    "Channel",
+    "Circle",
+    "Controller",
+    "Dither",
+    "Excitation",
+    "Expression",
+    "Field",
+    "FigureEight",
+    "Gaussian",
+    "GradientES",
+    "Grid",
+    "Gridded",
+    "InState",
+    "InvalidDescription",
+    "InverseSquare",
+    "Lead",
+    "Line",
+    "Loop",
+    "Moving",
+    "OnDither",
+    "Opaque",
+    "Parameter",
+    "Path",
+    "PointMass",
+    "Probe",
+    "Quadratic",
+    "Rational",
+    "Reference",
+    "Run",
+    "Scenario",
+    "Start",
+    "System",
+    "Transfer",
+    "TransferFunction",
+    "Vehicle",
+    "View",
+    "__version__",
+    "acos",
+    "acosh",
+    "asin",
+    "asinh",
+    "atan",
+    "atan2",
+    "atanh",
+    "cos",
+    "cosh",
+    "exp",
+    "field_from",
+    "format_scenario",
+    "load_scenario",
+    "log",
+    "parse_scenario",
+    "pi",
+    "plots",
+    "s",
+    "simulate",
+    "sin",
+    "sinh",
+    "sqrt",
+    "t",
+    "tan",
+    "tanh",
+]

@@ -1,0 +1,64 @@
+"""Block diagrams: what a vehicle and a controller are, before they are given states.
+
+A controller states its diagram once, with filters and oscillators as blocks. A `Diagram` turns
+blocks into states as they are drawn: this one into differential equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy
+from sympy import Expr, Symbol
+
+from .lti import realise, response_parts
+from .symbols import cosine, sine, t
+
+
+class Diagram:
+    """Collects states and signals; draws each transfer function as ẋ = A x + B u, y = C x + D u."""
+
+    def __init__(self) -> None:
+        self.states: list[Symbol] = []
+        self.rhs: list[Expr] = []
+        self.initial: list[Expr] = []
+        self.signals: list[tuple[Symbol, Expr]] = []
+        self.units: dict[Symbol, str] = {}
+        self.carriers: list[Expr] = []
+
+    def signal(self, name: str, expression: Expr, unit: str) -> Symbol:
+        """Name an expression and return its symbol."""
+        symbol = Symbol(name, real=True)
+        self.signals.append((symbol, expression))
+        self.units[symbol] = unit
+        return symbol
+
+    def filter(
+        self,
+        transfer: Expr,
+        entering: Expr,
+        names: Sequence[str],
+        units: Sequence[str],
+        initial: Sequence[Expr] | None = None,
+    ) -> Expr:
+        """Draw a transfer function; return its output. `names` name its states."""
+        states = tuple(Symbol(name, real=True) for name in names)
+        block = realise(transfer, entering, states)
+        self.states += states
+        self.rhs += block.rates
+        self.initial += initial if initial is not None else [sympy.Integer(0)] * len(states)
+        self.units.update(zip(states, units, strict=True))
+        return block.output
+
+    def sine(self, frequency: Expr, phase: Expr | float, response: Expr | None = None) -> Expr:
+        """Draw an oscillator; return sin(ωt + φ) after the transfer function `response`.
+
+        In the steady state that is Re R(jω) sin(ωt + φ) + Im R(jω) cos(ωt + φ).
+        """
+        if frequency not in self.carriers:
+            self.carriers.append(frequency)
+        angle = frequency * t
+        if response is None:
+            return sine(angle, phase)
+        real, imaginary = response_parts(response, frequency)
+        return real * sine(angle, phase) + imaginary * cosine(angle, phase)

@@ -1,0 +1,162 @@
+"""One trajectory by Taylor's method (heyoka): any tolerance, compiled once for each structure."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.util import find_spec
+from typing import Any, Final
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from sympy import Expr
+
+from ..system import System
+from .trajectory import COMPLETED, Progress, Trajectory, broken_off
+
+KEPT: Final = 64
+CHUNKS: Final = 100
+MAX_LAST_STEPS: Final = 100_000
+
+
+@cache
+def available() -> bool:
+    """Return whether heyoka is installed (its wheels exist for Linux)."""
+    return find_spec("heyoka") is not None
+
+
+def integrate(
+    system: System,
+    values: Sequence[float],
+    times: NDArray[np.float64],
+    *,
+    tol: float,
+    state: Sequence[float] | None = None,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Return the solution of ẋ = f(x, p, t) at `times`.
+
+    The integrator is compiled for the system and the tolerance and kept, one for each thread;
+    other values cost no compilation.
+
+    Parameters
+    ----------
+    values
+        The parameters' values, in the order of ``system.parameters``.
+    times
+        Increasing; the first is where the run starts.
+    tol
+        Relative tolerance of the Taylor method for each step.
+    state
+        The state at ``times[0]``; None for the system's own initial state.
+    progress
+        Called with the time reached, now and then.
+    """
+    integrator = _integrator(system, tol)
+    start = system.start(values) if state is None else state
+    integrator.time = float(times[0])
+    integrator.state[:] = start
+    integrator.pars[:] = values[: len(integrator.pars)]  # up to the last one that occurs
+    chunks = [times]
+    if progress is not None:
+        chunks = [times[max(part[0] - 1, 0) : part[-1] + 1] for part in _parts(len(times))]
+    reached: list[NDArray[np.float64]] = []
+    outcome = COMPLETED
+    for index, chunk in enumerate(chunks):
+        status, *_, found = integrator.propagate_grid(chunk)
+        finite = np.isfinite(found).all(axis=1)
+        found = found if finite.all() else found[: int(np.argmin(finite))]
+        reached.append(found if index == 0 else found[1:])
+        if progress is not None:
+            progress(float(integrator.time))
+        if len(found) < len(chunk):
+            outcome = str(status)
+            break
+    states = reached[0] if len(reached) == 1 else np.concatenate(reached)
+    count = len(states)
+    if outcome == COMPLETED:
+        return Trajectory(times, states, COMPLETED, float(times[-1]), states[-1])
+    last = states[-1] if count else np.array(start, dtype=float)
+    end_time, end_state = _last_finite(integrator, float(times[max(count - 1, 0)]), last)
+    outcome = broken_off(system, end_time, list(end_state), values)
+    return Trajectory(times[:count], states, outcome, end_time, end_state)
+
+
+def _parts(count: int) -> list[NDArray[np.int64]]:
+    return [part for part in np.array_split(np.arange(count), CHUNKS) if len(part)]
+
+
+def _last_finite(
+    integrator: Any, time: float, state: NDArray[np.float64]
+) -> tuple[float, NDArray[np.float64]]:
+    integrator.time = time
+    integrator.state[:] = state
+    for _ in range(MAX_LAST_STEPS):
+        integrator.step()
+        if not np.isfinite(integrator.state).all():
+            break
+        time, state = float(integrator.time), integrator.state.copy()
+    return time, state
+
+
+class _Kept(threading.local):
+    def __init__(self) -> None:
+        self.integrators: OrderedDict[tuple[System, float], Any] = OrderedDict()
+
+
+_KEPT = _Kept()
+
+
+def _integrator(system: System, tol: float) -> Any:
+    kept = _KEPT.integrators
+    key = (system, tol)
+    if key in kept:
+        kept.move_to_end(key)
+        return kept[key]
+    while len(kept) >= KEPT:
+        kept.popitem(last=False)
+    kept[key] = _compile(system, tol)
+    return kept[key]
+
+
+def _compile(system: System, tol: float) -> Any:
+    import heyoka
+
+    equations = list(zip(_variables(system), translated(system, system.rhs), strict=True))
+    count = len(system.states)
+    return heyoka.taylor_adaptive(equations, [0.0] * count, tol=tol, compact_mode=count > 24)
+
+
+def _variables(system: System) -> list[Any]:
+    import heyoka
+
+    return [heyoka.expression(f"x{i}") for i in range(len(system.states))]
+
+
+def translated(system: System, expressions: Sequence[Expr]) -> list[Any]:
+    """Return expressions of the system as heyoka's, the parameters as ``par[i]``."""
+    import heyoka
+
+    table: dict[Any, Any] = dict(zip(system.states, _variables(system), strict=True))
+    table |= {symbol: heyoka.par[i] for i, symbol in enumerate(system.symbols)}
+    table[system.time] = heyoka.time
+    for symbol, expression in system.signals:
+        table[symbol] = _translate(expression, table)
+    return [_translate(expression, table) for expression in expressions]
+
+
+def _translate(expression: Expr, table: Mapping[Any, Any]) -> Any:
+    import heyoka
+
+    return heyoka.from_sympy(_floats(expression), table)
+
+
+def _floats(expression: Expr) -> Expr:
+    """Return the expression with the constants that heyoka does not take written as floats."""
+    fractions = {
+        r: sympy.Float(float(r)) for r in expression.atoms(sympy.Rational) if r.q & (r.q - 1)
+    }
+    return expression.xreplace({**fractions, sympy.E: sympy.Float(float(sympy.E))})

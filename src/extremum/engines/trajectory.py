@@ -1,0 +1,58 @@
+"""What an engine returns, and how a run that ends early is named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system import System
+
+COMPLETED: Final = "completed"
+ESCAPED: Final = "escaped"
+LEFT: Final = "left the data"
+
+STEEP: Final = 1e8
+"""A rate (per second) beyond which a run that broke off is an escape and not a domain's edge."""
+
+Progress = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """States at the wanted times, up to where the run ended.
+
+    Attributes
+    ----------
+    times, states
+        The wanted times that were reached, (n,), and the states there, (n, states); all finite.
+    outcome
+        ``"completed"``, ``"escaped"`` (to infinity in finite time) or ``"left the data"`` (where
+        the field has no value).
+    end_time, end_state
+        The last finite state and its time.
+    """
+
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    outcome: str
+    end_time: float
+    end_state: NDArray[np.float64]
+
+
+def broken_off(
+    system: System, time: float, state: Sequence[float], values: Sequence[float]
+) -> str:
+    """Return why the solution cannot be continued beyond its last finite state."""
+    try:
+        rates = system.rates(time, [float(x) for x in state], values)
+        steep = not all(math.isfinite(rate) and abs(rate) < STEEP for rate in rates)
+    except OverflowError:
+        steep = True
+    except (ValueError, ZeroDivisionError, TypeError):
+        steep = False
+    return ESCAPED if steep else LEFT

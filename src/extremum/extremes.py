@@ -1,0 +1,82 @@
+"""Extremes between the samples: the run is integrated again around each sampled extreme."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .engines.trajectory import Trajectory
+from .system import System
+
+_DEGREE = 10
+_FINE = 128
+_NODES = -np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
+_GRID = np.linspace(-1.0, 1.0, _FINE + 1)
+_TO_GRID = np.polynomial.chebyshev.chebvander(_GRID, _DEGREE) @ np.linalg.inv(
+    np.polynomial.chebyshev.chebvander(_NODES, _DEGREE)
+)
+
+Again = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+"""(times, state at the first) → states at those times."""
+
+
+def extremes(
+    system: System,
+    values: NDArray[np.float64],
+    run: Trajectory,
+    outputs: Mapping[str, NDArray[np.float64]],
+    again: Again,
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return each output's (minimum, maximum) over the run, one entry per component.
+
+    Around each sampled extreme the run is integrated anew at Chebyshev points and interpolated by
+    a polynomial of degree 10, so that the figure does not depend on where the samples fell.
+    """
+    if len(run.times) < 2:
+        return {name: (column[0], column[0]) for name, column in outputs.items()}
+    wanted = [
+        (name, component, sign, int(np.argmax(sign * column[:, component])))
+        for name, column in outputs.items()
+        for component in range(column.shape[1])
+        for sign in (-1.0, 1.0)
+    ]
+    around = _around(system, values, run, {index for *_, index in wanted}, again)
+    found: dict[tuple[str, float], list[float]] = {}
+    for name, component, sign, index in wanted:
+        peak = max(
+            sign * outputs[name][index, component],
+            _peak(_TO_GRID @ (sign * around[index][name][:, component])),
+        )
+        found.setdefault((name, sign), []).append(sign * peak)
+    return {name: (np.array(found[name, -1.0]), np.array(found[name, 1.0])) for name in outputs}
+
+
+def _around(
+    system: System, values: NDArray[np.float64], run: Trajectory, indices: set[int], again: Again
+) -> dict[int, dict[str, NDArray[np.float64]]]:
+    times, states = [], []
+    for index in indices:
+        first, last = max(index - 1, 0), min(index + 1, len(run.times) - 1)
+        low, high = run.times[first], run.times[last]
+        segment = low + (high - low) * (_NODES + 1) / 2
+        segment[-1] = high
+        times.append(segment)
+        states.append(again(segment, run.states[first]))
+    outputs = system.evaluate(np.concatenate(times), np.concatenate(states), list(values))
+    count = _DEGREE + 1
+    return {
+        index: {name: o[i * count : (i + 1) * count] for name, o in outputs.items()}
+        for i, index in enumerate(indices)
+    }
+
+
+def _peak(fine: NDArray[np.float64]) -> float:
+    """Return the maximum of a function on a fine grid, by the parabola through its top."""
+    top = int(np.argmax(fine))
+    if not 0 < top < len(fine) - 1:
+        return float(fine[top])
+    left, middle, right = fine[top - 1 : top + 2]
+    bend = left - 2 * middle + right
+    return float(middle - (right - left) ** 2 / (8 * bend)) if bend < 0 else float(middle)

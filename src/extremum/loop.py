@@ -1,0 +1,254 @@
+"""The loop: a field, a vehicle, a controller and a start, composed into one `System`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from sympy import Expr, Symbol
+
+from .controllers import Controller
+from .description import Description, flatten, part, symbolic, value
+from .diagram import Diagram
+from .errors import InvalidDescription, shown, suggestion
+from .fields import Field
+from .symbols import axis_names, coordinates, plain
+from .system import System
+from .vehicles import Vehicle
+
+
+class Start(Description, abstract=True):
+    """The vehicle's state at t = 0."""
+
+    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        """Return the vehicle's state, in the order of its state names."""
+        raise NotImplementedError  # pragma: no cover - abstract
+
+
+class AtRest(Start):
+    """At rest at a position: every derivative of the position is zero.
+
+    Parameters
+    ----------
+    position
+        Coordinates (m).
+    """
+
+    position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
+
+    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        return vehicle.rest(self.position)  # pyright: ignore[reportArgumentType]
+
+
+class OnDither(Start):
+    """At a position, moving as the steady probe would move it: v(0) = αω cos φ, and so on.
+
+    A force-actuated vehicle that starts at rest drifts away with velocity −αω cos φ until the loop
+    catches it; one that starts on the dither does not. The position is exactly the one stated; the
+    dither is centred at position − α sin φ.
+
+    Parameters
+    ----------
+    position
+        Coordinates (m).
+    """
+
+    position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
+
+    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        centre: list[Expr] = []
+        swings: list[Expr] = []
+        for axis, x in enumerate(self.position):
+            motion = controller.motion(axis)
+            assert motion is not None
+            swing = vehicle.swing(axis, *motion)
+            centre.append(x - swing[0])
+            swings += swing
+        rest = vehicle.rest(centre)
+        return tuple(sympy.expand(r + w) for r, w in zip(rest, swings, strict=True))
+
+
+class InState(Start):
+    """In a full state: ``InState({"x": 1, "v_x": 0.5, "y": 1, "v_y": 0})``.
+
+    Parameters
+    ----------
+    states
+        Every state of the vehicle by name.
+    """
+
+    states: Mapping[str, float] = value("", "1", "every state of the vehicle", shape="table")
+
+    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        return tuple(self.states[name] for name in vehicle.state_names())  # pyright: ignore[reportReturnType]
+
+
+def _as_start(given: Any) -> Any:
+    if isinstance(given, Start):
+        return given
+    if isinstance(given, Mapping):
+        return InState(given)
+    return given
+
+
+class Loop(Description):
+    """A vehicle that senses a field and is driven by a controller.
+
+    Parameters
+    ----------
+    field
+        The map J(position, t), unknown to the controller; it is maximised.
+    vehicle
+        From inputs to position.
+    controller
+        From J to inputs.
+    start
+        The vehicle's position at t = 0 (it starts at rest there), or `OnDither`, or a mapping of
+        every vehicle state's name to its value.
+
+    Raises
+    ------
+    InvalidDescription
+        Where the parts do not fit each other, with the dotted path and the smallest change.
+    """
+
+    field: Field = part(Field, "the map that is maximised")
+    vehicle: Vehicle = part(Vehicle, "from inputs to position")
+    controller: Controller = part(Controller, "from J to inputs")
+    start: Any = value(
+        "{axis}_0",
+        "m",
+        "position at t = 0, or a Start",
+        shape="vector",
+        convert=_as_start,
+        literal=lambda given: isinstance(given, Start),
+    )
+
+    def check(self) -> None:
+        """Refuse parts that do not fit each other."""
+        axes = self.vehicle.dimension()
+        inputs = len(self.vehicle.input_names())
+        if self.controller.inputs() != inputs:
+            raise InvalidDescription(
+                "controller.channels",
+                f"has {self.controller.inputs()} channels, the vehicle has {inputs} inputs; give "
+                "one channel per input",
+            )
+        wanted = self.field.dimension()
+        if wanted is not None and wanted != axes:
+            raise InvalidDescription(
+                "field", f"has {wanted} coordinates, the vehicle moves in {axes}; they must agree"
+            )
+        self._check_start(axes)
+        self._check_field(axes)
+        self._check_probes()
+
+    def _check_start(self, axes: int) -> None:
+        if isinstance(self.start, InState):
+            given, names = self.start.states, self.vehicle.state_names()
+            for name in given:
+                if name not in names:
+                    hint = suggestion(name, names)
+                    raise InvalidDescription(f"start.{name}", f"is no vehicle state; {hint}")
+            missing = [name for name in names if name not in given]
+            if missing:
+                raise InvalidDescription(
+                    "start", f"lacks {', '.join(missing)}; a full state names every vehicle state"
+                )
+            return
+        position = self.start if isinstance(self.start, tuple) else self.start.position
+        if len(position) != axes:
+            raise InvalidDescription(
+                "start", f"has {len(position)} coordinates, the vehicle moves in {axes}", shown(position)
+            )
+        if isinstance(self.start, OnDither) and any(
+            self.controller.motion(axis) is None for axis in range(axes)
+        ):
+            raise InvalidDescription(
+                "start", "OnDither needs every channel to state a Dither, not a Probe"
+            )
+
+    def _check_field(self, axes: int) -> None:
+        try:
+            self.field.law(coordinates(axes))
+        except InvalidDescription as error:
+            raise error.within("field") from None
+
+    def _check_probes(self) -> None:
+        for axis, plant in enumerate(self.vehicle.dynamics()):
+            self.controller.check_plant(axis, plant)
+
+    @property
+    def system(self) -> System:
+        """The loop's equations, shared by all loops of the same structure."""
+        skeleton, _ = self._flat
+        if skeleton not in _SYSTEMS:
+            while len(_SYSTEMS) >= _KEPT:
+                _SYSTEMS.pop(next(iter(_SYSTEMS)))
+            _SYSTEMS[skeleton] = _assemble(self)
+        return _SYSTEMS[skeleton]
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The numbers, in the order of ``system.parameters``."""
+        return np.array(self._flat[1])
+
+    @cached_property
+    def _flat(self) -> tuple[tuple[Any, ...], list[float]]:
+        return flatten(self)
+
+
+_KEPT = 256
+_SYSTEMS: dict[Any, System] = {}
+
+
+def _assemble(loop: Loop) -> System:
+    reserved: frozenset[str] = frozenset()
+    while True:
+        system = _compose(loop, reserved)
+        drawn = {str(symbol) for symbol in system.units} | {"t", "J"}
+        clash = drawn & {str(symbol) for symbol in system.symbols}
+        if not clash:
+            return system
+        reserved |= clash
+
+
+def _compose(loop: Loop, reserved: frozenset[str]) -> System:
+    names, units = loop.vehicle.input_names(), loop.vehicle.input_units()
+    axes = axis_names(loop.vehicle.dimension())
+    twin, parameters = symbolic(loop, len(axes), dict(zip(axes, units, strict=False)), reserved)
+    diagram = Diagram()
+    inputs = tuple(Symbol(name, real=True) for name in names)
+    initial = _initial(twin.start, twin.vehicle, twin.controller)
+    body = twin.vehicle.compose(diagram, inputs, initial)
+    signal = diagram.signal("J", twin.field.law(body.sensor), "1")
+    twin.controller.compose(diagram, signal, twin.vehicle.dynamics(), names, units)
+    outputs: dict[str, tuple[Expr, ...]] = {
+        "position": body.position,
+        "sensor": body.sensor,
+        "J": (signal,),
+        "input": inputs,
+    }
+    source = twin.field.maximum()
+    if source is not None:
+        outputs["source"] = source
+    return System(
+        states=tuple(diagram.states),
+        rhs=tuple(diagram.rhs),
+        initial=tuple(plain(e) for e in diagram.initial),
+        inputs=inputs,
+        outputs=outputs,
+        signals=tuple(diagram.signals),
+        parameters=parameters,
+        units=diagram.units,
+        carriers=tuple(diagram.carriers),
+        oracles=loop.field.oracles(),
+    )
+
+
+def _initial(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:
+    return vehicle.rest(start) if isinstance(start, tuple) else start.state(vehicle, controller)

@@ -1,0 +1,394 @@
+"""Linear dynamics: rational transfer functions of `s`, their states and their frequency response.
+
+A transfer function is a description like any other: its numbers are parameters, its form (degrees,
+exact zeros, leading ones, a text's letters) is structure.
+"""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import sympy
+from sympy import Expr, Poly, Symbol
+
+from .description import Description, structure, value
+from .errors import InvalidDescription, shown
+from .symbols import MAX_EXPONENT, exact, parse, plain, s
+
+MAX_DEGREE = 32
+
+
+class Transfer(Description, abstract=True):
+    """A proper rational transfer function; subclasses state it as `law`."""
+
+    def law(self) -> Expr:
+        """Return the transfer function as an expression in `s`."""
+        raise NotImplementedError  # pragma: no cover - abstract
+
+    def text(self) -> str | None:
+        """Return the text that writes it in a scenario, or None if it is written as a table."""
+        return None
+
+    def __str__(self) -> str:
+        return str(ratio(self.law()))
+
+    def relative_degree(self) -> int:
+        """Return the denominator's degree minus the numerator's."""
+        form = ratio(self.law())
+        return form.order - form.numerator_degree
+
+
+class TransferFunction(Transfer):
+    """G(s) = gain · (sᵐ + … + b₁ s + b₀) / (sⁿ + … + a₁ s + a₀), from its coefficients.
+
+    Written as an expression of `s` everywhere a transfer function is wanted (``1/s``,
+    ``(s + 0.25)/s``, ``1/(s*(s + 0.7))``): common factors are cancelled exactly first.
+    Coefficients that are 0, and a gain of 1, are structure; the others are parameters.
+    """
+
+    gain: float = value(
+        "k", "1", "the leading coefficient", default=1.0, literal=lambda g: g == 1.0
+    )
+    num: tuple[float, ...] = value(
+        "b",
+        "1",
+        "numerator below its leading 1, highest power first",
+        default=(),
+        shape="coefficients",
+        literal=lambda b: b == 0.0 or b == (),
+    )
+    den: tuple[float, ...] = value(
+        "a",
+        "1",
+        "denominator below its leading 1, highest power first",
+        default=(),
+        shape="coefficients",
+        literal=lambda a: a == 0.0 or a == (),
+    )
+
+    def check(self) -> None:
+        """Refuse an improper transfer function."""
+        _check_proper(len(self.num), len(self.den), self.text())
+
+    def law(self) -> Expr:
+        """Return gain · (sᵐ + …)/(sⁿ + …)."""
+        return plain(self.gain) * _monic(self.num) / _monic(self.den)
+
+    def text(self) -> str:
+        """Return the expression of `s` that writes this transfer function without loss."""
+        num, den = _monic_text(self.num), _monic_text(self.den)
+        if self.gain != 1.0:
+            num = repr(self.gain) if num == "1" else f"{self.gain!r}*({num})"
+        elif num != "1" and den != "1":
+            num = f"({num})"
+        if den == "1":
+            return num
+        return f"{num}/{den}" if den == "s" else f"{num}/({den})"
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    __str__ = __repr__
+
+
+class Lead(Transfer):
+    """Phase-lead compensator C(s) = k (s − z)/(s − p); a lead for p < z < 0.
+
+    Source: Zhang, Siranosian and Krstić (2007), Fig. 2.
+    """
+
+    gain: float = value("k", "1", "k, its gain at high frequency")
+    zero: float = value("z", "1/s", "z, its zero")
+    pole: float = value("p", "1/s", "p, its pole")
+
+    def law(self) -> Expr:
+        """Return k (s − z)/(s − p)."""
+        return plain(self.gain) * (s - plain(self.zero)) / (s - plain(self.pole))
+
+
+def _parameters(given: Any) -> Any:
+    return {} if given is None else given
+
+
+class Rational(Transfer):
+    """A transfer function whose letters survive into the equations.
+
+    ``Rational("k*(s - z)/(s - p)", parameters={"k": 5, "z": -0.5, "p": -3})``; numbers written in
+    the text are structure, the parameters are values.
+    """
+
+    formula: str = structure("a rational expression of s and the parameters")
+    parameters: Mapping[str, float] = value(
+        "", "1", "values of the letters", default=None, shape="table", convert=_parameters
+    )
+
+    def check(self) -> None:
+        """Refuse text that is no proper rational function of `s`."""
+        if not isinstance(self.formula, str):
+            raise InvalidDescription("formula", "must be text", shown(self.formula))
+        try:
+            form = ratio(self._read({name: Symbol(name) for name in self.parameters}))
+        except InvalidDescription as error:
+            raise error.within("formula") from None
+        _check_proper(form.numerator_degree, form.order, self.formula)
+
+    def _read(self, names: Mapping[str, Any]) -> Expr:
+        return parse(self.formula, {"s": s, **names})
+
+    def law(self) -> Expr:
+        """Return the expression, with the parameters' symbols or numbers for its letters."""
+        return self._read({name: plain(v) for name, v in self.parameters.items()})
+
+
+def transfer(given: Any) -> Any:
+    """Return the `Transfer` that `given` states.
+
+    Accepts a `Transfer`, a number, a rational SymPy expression in `s`, text of one, or a
+    continuous single-input single-output python-control object.
+    """
+    if isinstance(given, Transfer):
+        return given
+    if isinstance(given, str):
+        return _from_expression(parse(given, {"s": s}), given)
+    if isinstance(given, Expr):
+        unknown = given.free_symbols - {s}
+        if unknown:
+            names = ", ".join(sorted(str(symbol) for symbol in unknown))
+            raise InvalidDescription(
+                "",
+                f"has the letters {names} besides s; give them values with "
+                f'Rational("…", parameters={{"{next(iter(sorted(map(str, unknown))))}": …}})',
+                shown(str(given)),
+            )
+        return _from_expression(_decimals_exact(given), str(given))
+    if isinstance(given, numbers.Real) and not isinstance(given, bool):
+        return TransferFunction(gain=float(given))
+    if type(given).__module__.partition(".")[0] == "control":
+        return _from_control(given)
+    raise InvalidDescription(
+        "", "must be a rational expression of s, such as 1/s or (s + 1)/(s + 10)", shown(given)
+    )
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """Numerator and denominator of a cancelled transfer function, highest power first, monic."""
+
+    numerator: tuple[Expr, ...]
+    denominator: tuple[Expr, ...]
+
+    @property
+    def order(self) -> int:
+        """The number of states."""
+        return len(self.denominator) - 1
+
+    @property
+    def numerator_degree(self) -> int:
+        """The numerator's degree."""
+        return len(self.numerator) - 1
+
+    def __str__(self) -> str:
+        num, den = (Poly(list(c), s).as_expr() for c in (self.numerator, self.denominator))
+        return str(num / den)
+
+
+@lru_cache(maxsize=512)
+def ratio(expression: Expr) -> Ratio:
+    """Return the transfer function as a ratio of coprime polynomials, the denominator monic."""
+    if not expression.is_rational_function(s):
+        raise InvalidDescription("", "must be a rational function of s", shown(str(expression)))
+    _check_degree(expression)
+    numerator, denominator = sympy.fraction(sympy.cancel(sympy.together(expression)))
+    num, den = (Poly(p, s).all_coeffs() for p in (numerator, denominator))
+    if max(len(num), len(den)) > MAX_DEGREE + 1:
+        raise InvalidDescription("", f"has a degree beyond {MAX_DEGREE}", shown(str(expression)))
+    leading = den[0]
+    num, den = ([sympy.factor_terms(sympy.cancel(c / leading)) for c in cs] for cs in (num, den))
+    return Ratio(tuple(num), tuple(den))
+
+
+@dataclass(frozen=True)
+class Realisation:
+    """ẋ = A x + B u, y = x₁ + D u: the minimal states of a proper transfer function.
+
+    Attributes
+    ----------
+    rates
+        ẋ as expressions of `states` and the input.
+    output
+        y.
+    rest
+        The states with output 1 and, without input, every derivative of the output 0: what "at
+        rest at position 1" means; multiplied by a position, the vehicle rests there.
+    response
+        X(s)/U(s), each state's transfer function from the input.
+    derivatives
+        Whether state i + 1 is the i-th derivative of the output (phase variables).
+    """
+
+    states: tuple[Symbol, ...]
+    rates: tuple[Expr, ...]
+    output: Expr
+    rest: tuple[Expr, ...]
+    response: tuple[Expr, ...]
+
+
+def has_derivative_states(expression: Expr) -> bool:
+    """Return whether the states are the output and its derivatives (constant numerator)."""
+    form = ratio(expression)
+    return form.numerator_degree == 0 and form.order > 0
+
+
+def realise(expression: Expr, entering: Expr, states: tuple[Symbol, ...]) -> Realisation:
+    """Return G(s) as differential equations in the given states.
+
+    With a constant numerator the states are the output and its derivatives (phase variables),
+    ẋ₁ = x₂, …, ẋₙ = −Σ aᵢ x + b u; otherwise observer form, ẋᵢ = −a x₁ + xᵢ₊₁ + b u, after the
+    direct term D has been split off, y = x₁ + D u. The output's input is never differentiated.
+    """
+    form = ratio(expression)
+    order, a = form.order, form.denominator[1:]
+    if order == 0:
+        gain = form.numerator[0]
+        return Realisation((), (), gain * entering, (), ())
+    if len(states) != order:
+        raise ValueError(f"{order} states are needed, {len(states)} given")
+    padded = (sympy.Integer(0),) * (order + 1 - len(form.numerator)) + form.numerator
+    direct = padded[0]
+    b = tuple(sympy.factor(c - direct * ai) for c, ai in zip(padded[1:], a, strict=True))
+    output = states[0] + direct * entering
+    if form.numerator_degree == 0:
+        feedback = sum((-c * x for c, x in zip(a, reversed(states), strict=True)), sympy.Integer(0))
+        rates = (*states[1:], sympy.factor_terms(feedback + b[-1] * entering))
+        rest = (sympy.Integer(1),) + (sympy.Integer(0),) * (order - 1)
+        response = tuple(s**i * expression for i in range(order))
+        return Realisation(states, rates, output, rest, response)
+    shifted = (*states[1:], sympy.Integer(0))
+    rates = tuple(
+        -ai * states[0] + x + bi * entering for ai, x, bi in zip(a, shifted, b, strict=True)
+    )
+    strictly_proper = expression - direct
+    response = [strictly_proper]
+    for ai, bi in zip(a[:-1], b[:-1], strict=True):
+        response.append(s * response[-1] + ai * strictly_proper - bi)
+    return Realisation(states, rates, output, (sympy.Integer(1), *a[:-1]), tuple(response))
+
+
+def at_frequency(expression: Expr, frequency: float) -> complex:
+    """Return G(jω) at ω = `frequency` (rad/s) for an expression without free parameters."""
+    form = ratio(expression)
+    numerator, denominator = (
+        sum(complex(c) * (1j * frequency) ** i for i, c in enumerate(reversed(cs)))
+        for cs in (form.numerator, form.denominator)
+    )
+    return complex(numerator / denominator) if denominator else complex("inf")
+
+
+def response_parts(expression: Expr, frequency: Expr) -> tuple[Expr, Expr]:
+    """Return Re G(jω) and Im G(jω) as real expressions of ω and the parameters."""
+    numerator, denominator = sympy.fraction(sympy.cancel(sympy.together(expression)))
+    (a, b), (c, d) = (_even_odd(p, frequency) for p in (numerator, denominator))
+    size = c**2 + d**2
+    return tuple(sympy.factor(sympy.cancel(e / size)) for e in (a * c + b * d, b * c - a * d))  # pyright: ignore[reportReturnType]
+
+
+def _even_odd(polynomial: Expr, frequency: Expr) -> tuple[Expr, Expr]:
+    real, imaginary = sympy.Integer(0), sympy.Integer(0)
+    for (power,), coefficient in Poly(polynomial, s).terms():
+        term = coefficient * frequency**power * (-1) ** (power // 2)
+        real, imaginary = (real, imaginary + term) if power % 2 else (real + term, imaginary)
+    return real, imaginary
+
+
+# --- reading what a user wrote ----------------------------------------------------------------
+
+
+def _monic(coefficients: tuple[Any, ...]) -> Expr:
+    powers = range(len(coefficients) - 1, -1, -1)
+    tail = sum((plain(c) * s**i for c, i in zip(coefficients, powers, strict=True)), s * 0)
+    return s ** len(coefficients) + tail
+
+
+def _monic_text(coefficients: tuple[float, ...]) -> str:
+    degree = len(coefficients)
+    terms = [_power_text(degree) or "1"]
+    for power, c in zip(range(degree - 1, -1, -1), coefficients, strict=True):
+        if c:
+            factor = _power_text(power)
+            size = repr(abs(c))
+            terms.append(f"{'-' if c < 0 else '+'} {size}{f'*{factor}' if factor else ''}")
+    return " ".join(terms)
+
+
+def _power_text(power: int) -> str:
+    return "" if power == 0 else "s" if power == 1 else f"s**{power}"
+
+
+def _check_proper(numerator_degree: int, order: int, text: str | None) -> None:
+    if numerator_degree > order:
+        raise InvalidDescription(
+            "",
+            f"is improper: its numerator's degree {numerator_degree} exceeds its denominator's "
+            f"{order}; it would differentiate its input. Add {numerator_degree - order} fast "
+            "pole(s)",
+            shown(text),
+        )
+
+
+def _check_degree(expression: Expr) -> None:
+    for power in expression.atoms(sympy.Pow):
+        if power.base.has(s) and abs(power.exp) > MAX_EXPONENT:
+            raise InvalidDescription("", f"has a degree beyond {MAX_DEGREE}")
+    degree = sum(
+        abs(int(p.exp)) if isinstance(p, sympy.Pow) else 1
+        for p in sympy.Mul.make_args(expression)
+        if p.has(s)
+    )
+    if degree > 4 * MAX_DEGREE:
+        raise InvalidDescription("", f"has a degree beyond {MAX_DEGREE}")
+
+
+def _decimals_exact(expression: Expr) -> Expr:
+    return expression.xreplace({f: exact(float(f)) for f in expression.atoms(sympy.Float)})
+
+
+def _from_expression(expression: Expr, text: str) -> TransferFunction:
+    try:
+        form = ratio(expression)
+    except InvalidDescription as error:
+        raise InvalidDescription("", error.reason, shown(text)) from None
+    numerator, denominator = form.numerator, form.denominator
+    _check_proper(form.numerator_degree, form.order, text)
+    gain = numerator[0]
+    if not all(c.is_real for c in (*numerator, *denominator)):
+        raise InvalidDescription("", "must have real coefficients", shown(text))
+    monic = tuple(float(c / gain) for c in numerator[1:]) if gain else ()
+    return TransferFunction(float(gain), monic, tuple(float(c) for c in denominator[1:]))
+
+
+def _from_control(given: Any) -> TransferFunction:
+    if getattr(given, "ninputs", 1) != 1 or getattr(given, "noutputs", 1) != 1:
+        raise InvalidDescription("", "must have one input and one output", type(given).__name__)
+    if getattr(given, "dt", 0) not in (0, None):
+        raise InvalidDescription(
+            "", f"is sampled (dt = {given.dt}); a continuous transfer function is needed"
+        )
+    if hasattr(given, "num"):
+        num, den = (
+            sum((exact(c) * s**i for i, c in enumerate(reversed(cs))), s * 0)
+            for cs in (given.num[0][0], given.den[0][0])
+        )
+        return _from_expression(num / den, str(given))
+    matrices = (
+        sympy.Matrix(m.shape[0], m.shape[1], [exact(v) for v in m.ravel()])
+        for m in (given.A, given.B, given.C, given.D)
+    )
+    a, b, c, d = matrices
+    resolvent = s * sympy.eye(a.rows) - a
+    return _from_expression(
+        (c * resolvent.adjugate() * b)[0, 0] / resolvent.det() + d[0, 0], str(given)
+    )

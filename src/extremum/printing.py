@@ -1,0 +1,115 @@
+"""A system's equations as text and LaTeX, in the paper's symbols."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import sympy
+from sympy import Expr, Symbol
+from sympy.printing.precedence import precedence
+from sympy.printing.str import StrPrinter
+
+from .symbols import t
+
+if TYPE_CHECKING:
+    from .system import System
+
+_GREEK = {
+    **dict(alpha="α", beta="β", gamma="γ", delta="δ", epsilon="ε", zeta="ζ", eta="η", theta="θ"),
+    **dict(kappa="κ", mu="μ", nu="ν", xi="ξ", rho="ρ", sigma="σ", tau="τ", phi="φ", psi="ψ"),
+    **{"lambda": "λ", "omega": "ω"},
+}
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def symbol_text(name: str) -> str:
+    """Return a symbol's name as it is read: ``alpha_x`` is α_x, ``x^*`` is x*."""
+    name = name.replace("^*", "*")
+    return re.sub(r"^[a-z]+", lambda match: _GREEK.get(match[0], match[0]), name)
+
+
+class _Text(StrPrinter):
+    """Products by juxtaposition, small integer powers raised, Greek letters."""
+
+    def _print_Symbol(self, expr: Symbol) -> str:  # noqa: N802 - SymPy's naming
+        return symbol_text(expr.name)
+
+    def _print_Pow(self, expr: Any, rational: bool = False) -> str:  # noqa: N802
+        base, exponent = expr.as_base_exp()
+        if exponent.is_Integer and exponent > 0:
+            inner = self.parenthesize(base, precedence(expr), strict=False)
+            return inner + str(exponent).translate(_SUPERSCRIPTS)
+        if exponent == sympy.Rational(1, 2):
+            return f"√({self._print(base)})"
+        if exponent.is_Rational and exponent < 0:
+            return f"1/{self.parenthesize(1 / expr, precedence(expr), strict=False)}"
+        return super()._print_Pow(expr, rational)
+
+    def _print_Mul(self, expr: Any) -> str:  # noqa: N802
+        coefficient, _ = expr.as_coeff_Mul()
+        if coefficient.is_negative:
+            return "-" + self.parenthesize(-expr, precedence(expr), strict=False)
+        numerator, denominator = sympy.fraction(expr, exact=True)
+        if denominator != 1:
+            top = f"({self._print(numerator)})" if numerator.is_Add else self._print(numerator)
+            simple = denominator.is_Atom or denominator.is_Pow or denominator.is_Function
+            bottom = self._print(denominator)
+            return f"{top}/{bottom}" if simple else f"{top}/({bottom})"
+        factors = sorted(expr.as_ordered_factors(), key=lambda factor: factor == t)
+        return " ".join(self.parenthesize(f, precedence(expr), strict=False) for f in factors)
+
+
+def expression_text(expression: Expr) -> str:
+    """Return an expression as one line of text."""
+    return _Text().doprint(expression)
+
+
+def text(system: System) -> str:
+    """Return the equations as text: signals, rates, initial values, parameters."""
+    named = [(symbol_text(x.name), e) for x, e in system.signals]
+    rates = [(f"d{symbol_text(x.name)}/dt", e) for x, e in _pairs(system.states, system.rhs)]
+    begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
+    starts = [
+        (f"{symbol_text(x.name)}(0)", e.xreplace(begun))
+        for x, e in _pairs(system.states, system.initial)
+    ]
+    units = system.units
+    rows = [(symbol_text(x.name), units[x], "state") for x in system.states]
+    rows += [(symbol_text(x.name), units[x], "signal") for x, _ in system.signals]
+    rows += [(symbol_text(p.symbol.name), p.unit, p.path) for p in system.parameters]
+    width = max(len(symbol) for symbol, _, _ in rows)
+    wide = max(len(unit) for _, unit, _ in rows)
+    parts = [
+        "Equations",
+        *_aligned([*named, *rates]),
+        "",
+        "At t = 0",
+        *_aligned(starts),
+        "",
+        "Symbols",
+        *(f"  {symbol:<{width}}  {unit:<{wide}}  {path}" for symbol, unit, path in rows),
+    ]
+    return "\n".join(parts)
+
+
+def latex(system: System) -> str:
+    """Return the equations as a LaTeX ``aligned`` environment."""
+    lines = [f"{sympy.latex(x)} &= {sympy.latex(e)}" for x, e in system.signals]
+    begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
+    lines += [
+        f"\\dot{{{sympy.latex(x)}}} &= {sympy.latex(e)}, & "
+        f"{sympy.latex(x)}(0) &= {sympy.latex(start.xreplace(begun))}"
+        for x, e, start in zip(system.states, system.rhs, system.initial, strict=True)
+    ]
+    return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+
+def _pairs(symbols: Sequence[Symbol], expressions: Sequence[Expr]) -> list[tuple[Symbol, Expr]]:
+    return list(zip(symbols, expressions, strict=True))
+
+
+def _aligned(equations: Sequence[tuple[str, Expr]]) -> list[str]:
+    width = max(len(left) for left, _ in equations)
+    return [f"  {left:<{width}} = {expression_text(e)}" for left, e in equations]

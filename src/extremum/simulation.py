@@ -1,0 +1,207 @@
+"""`simulate`: one run of a loop, as an `xarray.Dataset`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .engines import reference, taylor
+from .engines.trajectory import COMPLETED, Progress, Trajectory
+from .errors import InvalidDescription, shown
+from .extremes import extremes
+from .loop import Loop
+from .scenario import Run, Scenario, format_scenario
+from .symbols import axis_names
+from .system import System
+
+if TYPE_CHECKING:
+    import xarray
+
+TOLERANCE: Final = 1e-12
+MIN_SAMPLES: Final = 2000
+SAMPLES_PER_PERIOD: Final = 20
+ENGINES: Final = {"taylor": taylor, "reference": reference}
+
+
+def simulate(
+    loop: Loop,
+    t_end: float,
+    *,
+    samples: int | ArrayLike | None = None,
+    tol: float = TOLERANCE,
+    engine: str | None = None,
+    title: str = "",
+    progress: Progress | None = None,
+) -> xarray.Dataset:
+    """Integrate the loop from t = 0 to `t_end` and return what happened.
+
+    ẋ = f(x, p, t), the equations that ``print(loop.system)`` shows. An unstable loop may run to
+    infinity in finite time, or leave a gridded field's data: the run then ends there, cleanly.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    t_end
+        Duration (s).
+    samples
+        How many equispaced samples, or the times themselves (increasing, in 0 … t_end). By default
+        2000 or 20 for each period of the fastest dither, whichever is more.
+    tol
+        Tolerance of each step; the default makes every figure right to 1e-8.
+    engine
+        ``"taylor"`` (heyoka), ``"reference"`` (SciPy's DOP853), or None to choose: the reference
+        serves opaque and gridded fields, and platforms without heyoka.
+    title
+        Kept in ``attrs["title"]``.
+    progress
+        Called with the time reached, now and then.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``position(time, axis)`` (m), ``J(time)``, ``input(time, axis)``, ``source(time, axis)``
+        where the field states it, and every state by name, with units. Position, J and input carry
+        ``min`` and ``max`` in their attrs, taken between the samples too. The dataset's attrs hold
+        ``outcome`` (``"completed"``, ``"escaped"`` or ``"left the data"``), ``end_time`` and
+        ``end_state`` (the last finite state, in the order ``state_names``), ``scenario`` (the text
+        that reproduces the run, if the loop can be written), ``engine`` and ``tol``. Every number
+        in it is finite.
+
+    Raises
+    ------
+    InvalidDescription
+        If `t_end`, `samples`, `tol` or `engine` cannot be right, or the start lies outside a
+        gridded field's data.
+    """
+    times = _times(loop, t_end, samples)
+    if not 1e-16 < tol < 1e-1:
+        raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
+    system, values = loop.system, loop.values
+    name = _engine(system, engine)
+    _check_start(system, values)
+    integrate = ENGINES[name].integrate
+    run, outputs = _cut(
+        system, values, integrate(system, values, times, tol=tol, progress=progress)
+    )
+
+    def again(segment: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
+        part = integrate(system, values, segment, tol=tol, state=state)
+        padding = len(segment) - len(part.states)
+        return np.concatenate([part.states, np.repeat(part.states[-1:], padding, axis=0)])
+
+    bounds = extremes(system, values, run, outputs, again)
+    dataset = _dataset(system, run, outputs, bounds)
+    dataset.attrs |= {
+        "title": title,
+        "outcome": run.outcome,
+        "end_time": run.end_time,
+        "end_state": run.end_state,
+        "state_names": [str(x) for x in system.states],
+        "engine": name,
+        "tol": tol,
+        "scenario": _scenario(loop, t_end, title),
+    }
+    return dataset
+
+
+def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
+    if isinstance(t_end, bool) or not np.isscalar(t_end) or not 0 < float(t_end) < np.inf:  # pyright: ignore[reportArgumentType]
+        raise InvalidDescription("t_end", "must be a finite number greater than 0", shown(t_end))
+    if samples is None:
+        period = loop.system.fastest_period(loop.values)
+        wanted = int(np.ceil(SAMPLES_PER_PERIOD * t_end / period)) if period else 0
+        samples = max(MIN_SAMPLES, wanted)
+    if isinstance(samples, int | np.integer):
+        if samples < 2:
+            raise InvalidDescription("samples", "must be at least 2", shown(samples))
+        return np.linspace(0.0, t_end, int(samples) + 1)
+    times = np.asarray(samples, dtype=float)
+    good = times.ndim == 1 and len(times) > 1 and np.isfinite(times).all()
+    if not good or (np.diff(times) <= 0).any() or times[0] < 0 or times[-1] > t_end:
+        raise InvalidDescription("samples", "must be a number or increasing times in 0 … t_end")
+    return times if times[0] == 0 else np.concatenate(([0.0], times))
+
+
+def _engine(system: System, engine: str | None) -> str:
+    if engine is None:
+        return "reference" if system.oracles or not taylor.available() else "taylor"
+    if engine not in ENGINES:
+        raise InvalidDescription("engine", f"must be one of {', '.join(ENGINES)}", shown(engine))
+    if engine == "taylor" and system.oracles:
+        raise InvalidDescription(
+            "engine", 'cannot be "taylor": the field is known by its values only; leave it out'
+        )
+    return engine
+
+
+def _check_start(system: System, values: NDArray[np.float64]) -> None:
+    if not system.guards:
+        return
+    state = system.start(list(values))
+    margin = min(system.function(system.guards, vector=False)(0.0, state, list(values)))
+    if margin < 0:
+        raise InvalidDescription(
+            "start", f"lies {-margin:g} m outside the field's data; start inside"
+        )
+
+
+def _cut(
+    system: System, values: NDArray[np.float64], run: Trajectory
+) -> tuple[Trajectory, dict[str, NDArray[np.float64]]]:
+    """Return the run up to where every output is finite, and the outputs."""
+    outputs = system.evaluate(run.times, run.states, values)
+    finite = np.logical_and.reduce([np.isfinite(o).all(axis=1) for o in outputs.values()])
+    if finite.all():
+        return run, outputs
+    count = int(np.argmin(finite))
+    outcome = run.outcome if run.outcome != COMPLETED else "left the data"
+    shorter = Trajectory(
+        run.times[:count], run.states[:count], outcome, run.end_time, run.end_state
+    )
+    return shorter, {name: o[:count] for name, o in outputs.items()}
+
+
+def _dataset(
+    system: System,
+    run: Trajectory,
+    outputs: dict[str, NDArray[np.float64]],
+    bounds: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> xarray.Dataset:
+    import xarray
+
+    units = [system.units[symbol] for symbol in system.inputs]
+    described = {
+        "position": ("m", "position", {}),
+        "J": ("1", "sensed signal", {}),
+        "input": (
+            units[0] if len(set(units)) == 1 else ", ".join(units),
+            "input",
+            {"names": [str(symbol) for symbol in system.inputs]},
+        ),
+        "source": ("m", "source", {}),
+    }
+    variables: dict[str, Any] = {}
+    for name, (unit, long_name, more) in described.items():
+        if name in outputs:
+            low, high = bounds[name]
+            column, dims = outputs[name], ("time", "axis")
+            if name == "J":
+                column, dims, low, high = column[:, 0], ("time",), low[0], high[0]
+            attrs = {"units": unit, "long_name": long_name, "min": low, "max": high, **more}
+            variables[name] = (dims, column, attrs)
+    for index, symbol in enumerate(system.states):
+        attrs = {"units": system.units[symbol], "long_name": f"state {symbol}"}
+        variables[str(symbol)] = ("time", run.states[:, index], attrs)
+    axes = list(axis_names(outputs["position"].shape[1]))
+    time = ("time", run.times, {"units": "s", "long_name": "time"})
+    return xarray.Dataset(variables, {"time": time, "axis": axes})
+
+
+def _scenario(loop: Loop, t_end: float, title: str) -> str:
+    try:
+        return format_scenario(Scenario(loop=loop, run=Run(t_end=t_end), title=title))
+    except InvalidDescription:
+        return ""  # an Opaque field: no text can state it

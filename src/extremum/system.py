@@ -1,0 +1,196 @@
+"""The one symbolic type: a small system of equations with named states and named parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from sympy import Expr, Symbol
+
+from .description import Parameter
+from .symbols import t as time
+
+Compiled = Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Oracle:
+    """A function that is known by its values only, as it stands in the equations.
+
+    Attributes
+    ----------
+    function
+        Takes the arguments as floats and returns a float.
+    lower, upper
+        Where it is defined, one bound per argument; empty if everywhere.
+    """
+
+    function: Callable[..., float]
+    lower: tuple[float, ...] = ()
+    upper: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """ẋ = f(x, p, t) with everything named; no numbers.
+
+    Two systems are the same if they are the same object: a `Loop` builds one for each structure
+    and keeps it, and engines keep what they compile under it.
+
+    Attributes
+    ----------
+    states, rhs, initial
+        The state's symbols, their rates and their values at t = 0 (expressions of the parameters).
+    inputs
+        The symbols of the vehicle's inputs; each is bound by a signal.
+    outputs
+        Name → expressions: ``position``, ``sensor``, ``J``, ``input`` and, if known, ``source``.
+    signals
+        Ordered bindings (symbol, expression), each in terms of states, parameters and the signals
+        before it: J, ξ, u. They are kept, not expanded: sharing and readability depend on them.
+    parameters
+        Symbol, dotted path and unit of every value, in the order of the vector of values.
+    units
+        Symbol → unit, of states and signals.
+    carriers
+        The dither frequencies ω_i (rad/s).
+    oracles
+        Undefined function's name → `Oracle`, for opaque and gridded fields.
+    time
+        The symbol of time.
+    dt
+        None for differential equations; the sampling time's symbol for difference equations.
+    """
+
+    states: tuple[Symbol, ...]
+    rhs: tuple[Expr, ...]
+    initial: tuple[Expr, ...]
+    inputs: tuple[Symbol, ...]
+    outputs: Mapping[str, tuple[Expr, ...]]
+    signals: tuple[tuple[Symbol, Expr], ...]
+    parameters: tuple[Parameter, ...]
+    units: Mapping[Symbol, str]
+    carriers: tuple[Expr, ...]
+    oracles: Mapping[str, Oracle] = field(default_factory=dict)
+    time: Symbol = time
+    dt: Symbol | None = None
+
+    @property
+    def symbols(self) -> tuple[Symbol, ...]:
+        """The parameters' symbols, in the order of the vector of values."""
+        return tuple(parameter.symbol for parameter in self.parameters)
+
+    @cached_property
+    def guards(self) -> tuple[Expr, ...]:
+        """Expressions that stay positive while every oracle is asked where it is defined."""
+        guards: list[Expr] = []
+        for _, expression in self.signals:
+            for call in expression.atoms(sympy.core.function.AppliedUndef):
+                oracle = self.oracles[call.func.__name__]
+                for argument, low, high in zip(call.args, oracle.lower, oracle.upper, strict=False):
+                    inner = cast(Expr, argument)
+                    guards += [inner - sympy.Float(low), sympy.Float(high) - inner]
+        return tuple(guards)
+
+    def function(self, expressions: Sequence[Expr], *, vector: bool) -> Compiled:
+        """Return a callable (t, state, values) → list of the expressions' values.
+
+        With `vector`, t and every state may be arrays of samples (NumPy); otherwise all are floats
+        (the `math` module, the fastest for one evaluation). Signals are computed once, in order.
+        """
+        needed = self._needed(expressions)
+        binding = {symbol: sympy.Dummy() for symbol, _ in needed}
+        bound = [(binding[symbol], e.xreplace(binding)) for symbol, e in needed]
+        arguments = [self.time, list(self.states), list(self.symbols)]
+        library = [
+            {
+                name: np.vectorize(o.function, otypes=[float]) if vector else o.function
+                for name, o in self.oracles.items()
+            },
+            "numpy" if vector else "math",
+        ]
+        return sympy.lambdify(
+            arguments,
+            [e.xreplace(binding) for e in expressions],
+            modules=library,
+            dummify=True,
+            cse=lambda exprs: (bound, exprs),
+        )
+
+    def _needed(self, expressions: Sequence[Expr]) -> list[tuple[Symbol, Expr]]:
+        wanted: set[Any] = set().union(*(e.free_symbols for e in expressions))
+        kept: list[tuple[Symbol, Expr]] = []
+        for symbol, expression in reversed(self.signals):
+            if symbol in wanted:
+                kept.append((symbol, expression))
+                wanted |= expression.free_symbols
+        return kept[::-1]
+
+    @cached_property
+    def rates(self) -> Compiled:
+        """(t, state, values) → ẋ, on floats."""
+        return self.function(self.rhs, vector=False)
+
+    @cached_property
+    def start(self) -> Callable[[Sequence[float]], list[float]]:
+        """Values → the state at t = 0."""
+        known: dict[Expr, Expr] = {self.time: sympy.Integer(0)}
+        pending = dict(zip(self.states, self.initial, strict=True))
+        signals = {symbol for symbol, _ in self.signals}
+        direct = {x: e for x, e in pending.items() if not e.free_symbols & signals}
+        known |= direct
+        for symbol, expression in self.signals:
+            known[symbol] = expression.xreplace(known)
+        initial = [pending[x].xreplace(known) for x in self.states]
+        library = [{name: o.function for name, o in self.oracles.items()}, "math"]
+        return sympy.lambdify([list(self.symbols)], initial, modules=library, dummify=True)
+
+    @cached_property
+    def _fastest(self) -> Compiled:
+        return sympy.lambdify([list(self.symbols)], list(self.carriers), "math", dummify=True)
+
+    def fastest_period(self, values: Sequence[float]) -> float | None:
+        """Return the shortest dither period (s), or None without a dither."""
+        frequencies = self._fastest(values)
+        return 2 * float(np.pi) / max(map(abs, frequencies)) if frequencies else None
+
+    @cached_property
+    def _sampled(self) -> Compiled:
+        flat = [e for expressions in self.outputs.values() for e in expressions]
+        return self.function(flat, vector=True)
+
+    def evaluate(
+        self, times: NDArray[np.float64], states: NDArray[np.float64], values: Sequence[float]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return every output along a trajectory: name → array (time, component).
+
+        Overflow gives infinities and values outside a function's domain give NaN, silently.
+        """
+        with np.errstate(all="ignore"):
+            flat = self._sampled(times, list(states.T), values)
+        columns = iter(flat)
+        return {
+            name: np.stack(
+                [np.broadcast_to(next(columns), times.shape) for _ in expressions], axis=-1
+            )
+            for name, expressions in self.outputs.items()
+        }
+
+    def __str__(self) -> str:
+        from .printing import text
+
+        return text(self)
+
+    def latex(self) -> str:
+        """Return the equations as a LaTeX ``aligned`` environment, in the paper's symbols."""
+        from .printing import latex
+
+        return latex(self)
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {self.latex()}$"
