@@ -111,9 +111,7 @@ class Channel(Description):
         periodic, a float makes it almost periodic.
     """
 
-    dither: Excitation = part(
-        Excitation, "what makes the axis wiggle", usual=Dither
-    )
+    dither: Excitation = part(Excitation, "what makes the axis wiggle", usual=Dither)
     gain: float = value("c", "{input}", "c")
     compensator: Transfer = part(
         Transfer, "C(s)", default=TransferFunction(), convert=lambda given: transfer(given)
@@ -213,9 +211,7 @@ class GradientES(Controller):
     washout_start: str | float = value(
         "eta_0", "1", "η(0)", default="signal", literal=_start_literal
     )
-    probe_ramp: float | None = value(
-        "T", "s", "T", default=None, positive=True, literal=_is_none
-    )
+    probe_ramp: float | None = value("T", "s", "T", default=None, positive=True, literal=_is_none)
 
     def inputs(self) -> int:
         return len(self.channels)

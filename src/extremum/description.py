@@ -420,9 +420,7 @@ def _skeleton(item: Any, values: list[float], meta: Meta | None = None) -> Any:
 class _Names:
     """Gives every value its symbol, unique, in the order in which `flatten` lists the values."""
 
-    def __init__(
-        self, dimension: int, units: Mapping[str, str], reserved: frozenset[str]
-    ) -> None:
+    def __init__(self, dimension: int, units: Mapping[str, str], reserved: frozenset[str]) -> None:
         self.axes = axis_names(dimension)
         self.units = units
         self.parameters: list[Parameter] = []

@@ -104,7 +104,9 @@ class Quadratic(_Peaked):
             size = range(len(offset))
             terms = [self.q[i][i] * offset[i] ** 2 for i in size]
             terms += [
-                2 * self.q[i][j] * offset[i] * offset[j] for i in size for j in range(i + 1, len(offset))
+                2 * self.q[i][j] * offset[i] * offset[j]
+                for i in size
+                for j in range(i + 1, len(offset))
             ]
         else:
             terms = [q * x**2 for q, x in zip(self.q, offset, strict=True)]
@@ -196,7 +198,7 @@ class Expression(Field):
 
     formula: str = structure("J as mathematics in x, y, z, t and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "1", "values of the letters", default=None, shape="table", convert=_no_parameters
+        "", "", "values of the letters", default=None, shape="table", convert=_no_parameters
     )
 
     def check(self) -> None:

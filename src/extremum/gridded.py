@@ -319,9 +319,7 @@ def _numbers(given: Any, path: str, dimensions: int) -> NDArray[np.float64]:
     except (ValueError, TypeError):
         raise InvalidDescription(path, "must be an array of numbers", shown(given)) from None
     if array.ndim != dimensions:
-        raise InvalidDescription(
-            path, f"must have {dimensions} dimension(s), it has {array.ndim}"
-        )
+        raise InvalidDescription(path, f"must have {dimensions} dimension(s), it has {array.ndim}")
     return array
 
 

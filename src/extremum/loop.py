@@ -81,7 +81,7 @@ class InState(Start):
         Every state of the vehicle by name.
     """
 
-    states: Mapping[str, float] = value("", "1", "every state of the vehicle", shape="table")
+    states: Mapping[str, float] = value("", "", "every state of the vehicle", shape="table")
 
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
         return tuple(self.states[name] for name in vehicle.state_names())  # pyright: ignore[reportReturnType]
@@ -163,7 +163,9 @@ class Loop(Description):
         position = self.start if isinstance(self.start, tuple) else self.start.position
         if len(position) != axes:
             raise InvalidDescription(
-                "start", f"has {len(position)} coordinates, the vehicle moves in {axes}", shown(position)
+                "start",
+                f"has {len(position)} coordinates, the vehicle moves in {axes}",
+                shown(position),
             )
         if isinstance(self.start, OnDither) and any(
             self.controller.motion(axis) is None for axis in range(axes)

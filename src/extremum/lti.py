@@ -50,12 +50,10 @@ class TransferFunction(Transfer):
     Coefficients that are 0, and a gain of 1, are structure; the others are parameters.
     """
 
-    gain: float = value(
-        "k", "1", "the leading coefficient", default=1.0, literal=lambda g: g == 1.0
-    )
+    gain: float = value("k", "", "the leading coefficient", default=1.0, literal=lambda g: g == 1.0)
     num: tuple[float, ...] = value(
         "b",
-        "1",
+        "",
         "numerator below its leading 1, highest power first",
         default=(),
         shape="coefficients",
@@ -63,7 +61,7 @@ class TransferFunction(Transfer):
     )
     den: tuple[float, ...] = value(
         "a",
-        "1",
+        "",
         "denominator below its leading 1, highest power first",
         default=(),
         shape="coefficients",
@@ -123,7 +121,7 @@ class Rational(Transfer):
 
     formula: str = structure("a rational expression of s and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "1", "values of the letters", default=None, shape="table", convert=_parameters
+        "", "", "values of the letters", default=None, shape="table", convert=_parameters
     )
 
     def check(self) -> None:

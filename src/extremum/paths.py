@@ -111,7 +111,7 @@ class Along(Path):
 
     formulas: tuple[str, ...] = structure("one expression in t per axis", convert=_texts)
     parameters: Mapping[str, float] = value(
-        "", "1", "values of the letters", default=None, shape="table", convert=_no_parameters
+        "", "", "values of the letters", default=None, shape="table", convert=_no_parameters
     )
 
     def check(self) -> None:

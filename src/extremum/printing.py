@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _GREEK = {
     **dict(alpha="α", beta="β", gamma="γ", delta="δ", epsilon="ε", zeta="ζ", eta="η", theta="θ"),
     **dict(kappa="κ", mu="μ", nu="ν", xi="ξ", rho="ρ", sigma="σ", tau="τ", phi="φ", psi="ψ"),
-    **{"lambda": "λ", "omega": "ω"},
+    "lambda": "λ", "omega": "ω",
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -66,8 +66,8 @@ def expression_text(expression: Expr) -> str:
     return _Text().doprint(expression)
 
 
-def text(system: System) -> str:
-    """Return the equations as text: signals, rates, initial values, parameters."""
+def text(system: System, values: Sequence[float] | None = None) -> str:
+    """Return the equations as text: signals, rates, initial values and the symbols' meaning."""
     named = [(symbol_text(x.name), e) for x, e in system.signals]
     rates = [(f"d{symbol_text(x.name)}/dt", e) for x, e in _pairs(system.states, system.rhs)]
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
@@ -78,7 +78,9 @@ def text(system: System) -> str:
     units = system.units
     rows = [(symbol_text(x.name), units[x], "state") for x in system.states]
     rows += [(symbol_text(x.name), units[x], "signal") for x, _ in system.signals]
-    rows += [(symbol_text(p.symbol.name), p.unit, p.path) for p in system.parameters]
+    for index, p in enumerate(system.parameters):
+        number = "" if values is None else f" = {float(values[index]):.12g}"
+        rows.append((symbol_text(p.symbol.name), p.unit, p.path + number))
     width = max(len(symbol) for symbol, _, _ in rows)
     wide = max(len(unit) for _, unit, _ in rows)
     parts = [

@@ -109,7 +109,9 @@ class Scenario(Description):
     loop: Loop = part(Loop, "the loop")
     run: Run = part(Run, "duration and samples")
     title: str = structure("title of the figure", default="", convert=_text)
-    note: str = structure("what it shows, and where its numbers come from", default="", convert=_text)
+    note: str = structure(
+        "what it shows, and where its numbers come from", default="", convert=_text
+    )
     view: View = part(View, "ranges of the figure's axes", default=View())
 
 

@@ -181,10 +181,14 @@ class System:
             for name, expressions in self.outputs.items()
         }
 
-    def __str__(self) -> str:
+    def text(self, values: Sequence[float] | None = None) -> str:
+        """Return the equations as text in the paper's symbols, with the numbers if given."""
         from .printing import text
 
-        return text(self)
+        return text(self, values)
+
+    def __str__(self) -> str:
+        return self.text()
 
     def latex(self) -> str:
         """Return the equations as a LaTeX ``aligned`` environment, in the paper's symbols."""

@@ -154,14 +154,10 @@ class PointMass(Vehicle):
     def compose(self, diagram: Diagram, inputs: Sequence[Symbol], initial: Sequence[Expr]) -> Body:
         pending = list(initial)
         position = []
-        for index, (axis, (names, units)) in enumerate(
-            zip(self.axes, self._states(), strict=True)
-        ):
+        for index, (axis, (names, units)) in enumerate(zip(self.axes, self._states(), strict=True)):
             force = self.disturbance[index] if self.disturbance is not None else sympy.Integer(0)
             values, pending = pending[: len(names)], pending[len(names) :]
-            position.append(
-                diagram.filter(axis.law(), inputs[index] + force, names, units, values)
-            )
+            position.append(diagram.filter(axis.law(), inputs[index] + force, names, units, values))
         return Body(tuple(position), tuple(position))
 
     def rest(self, position: Sequence[Expr]) -> tuple[Expr, ...]:

@@ -81,9 +81,7 @@ def _rates(system: System, values: list[float]) -> Callable[[float, NDArray[np.f
     return evaluate
 
 
-def _guard(
-    system: System, values: list[float]
-) -> Callable[[float, NDArray[np.float64]], float]:
+def _guard(system: System, values: list[float]) -> Callable[[float, NDArray[np.float64]], float]:
     if not system.guards:
         return lambda time, state: math.inf
     guards = system.function(system.guards, vector=False)

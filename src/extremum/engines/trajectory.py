@@ -44,9 +44,7 @@ class Trajectory:
     end_state: NDArray[np.float64]
 
 
-def broken_off(
-    system: System, time: float, state: Sequence[float], values: Sequence[float]
-) -> str:
+def broken_off(system: System, time: float, state: Sequence[float], values: Sequence[float]) -> str:
     """Return why the solution cannot be continued beyond its last finite state."""
     try:
         rates = system.rates(time, [float(x) for x in state], values)

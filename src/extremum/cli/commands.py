@@ -1,0 +1,134 @@
+"""What each command does."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..errors import InvalidDescription
+from ..papers import zhang2007
+from ..scenario import Scenario, load_scenario
+from .files import Files
+from .progress import Bar
+from .report import summary
+
+if TYPE_CHECKING:
+    import xarray
+
+FIGURES = (".png", ".pdf", ".svg")
+ANIMATIONS = (".gif", ".mp4")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate a scenario file; print, and write what was asked for."""
+    scenario = _load(options.scenario)
+    wanted = {
+        "data": _suffixed(options.output, (".nc",), "-o"),
+        "plot": _suffixed(options.plot, FIGURES, "--plot"),
+        "animation": _suffixed(options.animation, ANIMATIONS, "--animation"),
+    }
+    with Files({key: path for key, path in wanted.items() if path}, options.force) as files:
+        status = _simulated(scenario, files)
+        files.commit()
+    _report_written(files)
+    return status
+
+
+def paper(options: argparse.Namespace) -> int:
+    """Reproduce one scenario of the paper, or all; without a name, list them."""
+    if options.name is None:
+        for name in zhang2007.NAMES:
+            print(f"{name:<16}{zhang2007.scenario(name).title}")
+        return 0
+    names = zhang2007.NAMES if options.name == "all" else (options.name,)
+    sources = {name: zhang2007.path(name) for name in names}
+    folder = Path(options.output)
+    if folder.exists() and not folder.is_dir():
+        raise InvalidDescription("", f"{folder} is a file; -o names the folder to write into")
+    folder.mkdir(parents=True, exist_ok=True)
+    status = 0
+    for name, source in sources.items():
+        wanted = {
+            "data": folder / f"{name}.nc",
+            "plot": folder / f"{name}.png",
+            "scenario": folder / f"{name}.toml",
+        }
+        with Files(wanted, options.force) as files:
+            status = max(status, _simulated(zhang2007.scenario(name), files))
+            files["scenario"].write_bytes(source.read_bytes())
+            files.commit()
+        _report_written(files)
+    return status
+
+
+def equations(options: argparse.Namespace) -> int:
+    """Print a scenario's equations."""
+    loop = _load(options.scenario).loop
+    if options.latex:
+        print(loop.system.latex())
+        return 0
+    print(loop.system.text(loop.values))
+    return 0
+
+
+def _load(path: str) -> Scenario:
+    try:
+        return load_scenario(path)
+    except InvalidDescription as error:
+        if Path(path).is_file():
+            raise error.within("") if not error.path else _in_file(error, path) from None
+        if path in zhang2007.NAMES:
+            hint = f"{path} is a scenario of the paper: extremum paper {path}"
+            raise InvalidDescription("", f"there is no file {path}; {hint}") from None
+        raise
+
+
+def _in_file(error: InvalidDescription, path: str) -> InvalidDescription:
+    shown = f" = {error.value}" if error.value else ""
+    return InvalidDescription("", f"{path}: {error.path}{shown}: {error.reason}")
+
+
+def _suffixed(given: str | None, known: tuple[str, ...], option: str) -> Path | None:
+    if given is None:
+        return None
+    path = Path(given)
+    if path.suffix.lower() not in known:
+        raise InvalidDescription("", f"{option} {given}: the name must end in {' or '.join(known)}")
+    return path
+
+
+def _simulated(scenario: Scenario, files: Files) -> int:
+    from ..simulation import simulate
+
+    begun = time.perf_counter()
+    with Bar(scenario.title or "simulating", scenario.run.t_end) as bar:
+        result = simulate(
+            scenario.loop,
+            scenario.run.t_end,
+            samples=scenario.run.samples,
+            title=scenario.title,
+            progress=bar,
+        )
+    print(summary(scenario, result, time.perf_counter() - begun))
+    _write(scenario, result, files)
+    return 0 if result.attrs["outcome"] == "completed" else 1
+
+
+def _write(scenario: Scenario, result: xarray.Dataset, files: Files) -> None:
+    from .. import plots
+
+    if "data" in files:
+        result.to_netcdf(files["data"], engine="h5netcdf")
+    if "plot" in files:
+        plots.overview(result, scenario.view).savefig(files["plot"], dpi=150)
+    if "animation" in files:
+        print("drawing the animation …", file=sys.stderr)
+        plots.animate(result, files["animation"], view=scenario.view)
+
+
+def _report_written(files: Files) -> None:
+    if files.paths:
+        print(f"wrote {', '.join(str(path) for path in files.paths.values())}\n")

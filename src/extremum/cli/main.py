@@ -1,0 +1,114 @@
+"""Arguments, errors and exit statuses."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from .. import __version__
+from ..errors import InvalidDescription
+from ..papers.zhang2007 import NAMES
+from . import commands
+
+ESCAPED, WRONG, INTERRUPTED = 1, 2, 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return 0 (completed), 1 (escaped, left the data) or 2 (user's error)."""
+    options = _parser().parse_args(arguments)
+    try:
+        status = options.command(options)
+        sys.stdout.flush()
+        return status
+    except InvalidDescription as error:
+        return _complain(str(error))
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _complain(f"{error.filename or 'output'}: {error.strerror or error}")
+    except MemoryError:
+        return _complain("there is not enough memory for this run; give fewer run.samples")
+    except KeyboardInterrupt:
+        print("interrupted; nothing was written", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _complain(message: str) -> int:
+    print(f"extremum: error: {message}", file=sys.stderr)
+    return WRONG
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="extremum",
+        description="Extremum seeking control: simulate a loop from its equations.",
+        epilog="""examples:
+  extremum paper fig4                         the paper's Fig. 4: fig4.png, fig4.nc, fig4.toml
+  extremum run fig4.toml --plot fig4b.png     run it again after editing the file
+  extremum equations fig4.toml                its differential equations
+
+exit status: 0 completed, 1 escaped or left the data, 2 something in the input is wrong""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"extremum {__version__}")
+    verbs = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_run(verbs)
+    _add_paper(verbs)
+    _add_equations(verbs)
+    return parser
+
+
+def _add_run(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    run = verbs.add_parser(
+        "run",
+        help="simulate a scenario file",
+        description="Simulate a scenario file and print what happened.",
+        epilog="""examples:
+  extremum run fig4.toml                                  numbers on the terminal
+  extremum run fig4.toml -o fig4.nc --plot fig4.png       also data and a figure
+  extremum run fig4.toml --animation fig4.gif             also an animation (.gif or .mp4)
+  extremum run fig4.toml --plot fig4.png --force          overwrite an existing fig4.png""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    run.add_argument("scenario", metavar="SCENARIO.toml")
+    run.add_argument("-o", "--output", metavar="RUN.nc", help="write the run as NetCDF")
+    run.add_argument("--plot", metavar="OUT.png", help="write the four panels (.png, .pdf, .svg)")
+    run.add_argument("--animation", metavar="OUT.gif", help="write an animation (.gif, .mp4)")
+    run.add_argument("--force", action="store_true", help="overwrite existing files")
+    run.set_defaults(command=commands.run)
+
+
+def _add_paper(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    paper = verbs.add_parser(
+        "paper",
+        help="reproduce a figure of Zhang, Siranosian and Krstić (2007)",
+        description="Reproduce the loops of Zhang, Siranosian and Krstić (Automatica, 2007).\n\n"
+        f"names: {', '.join(NAMES)}, all",
+        epilog="""examples:
+  extremum paper                              list them
+  extremum paper fig4                         write fig4.png, fig4.nc and fig4.toml here
+  extremum paper all -o figures               write all of them into the folder figures""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    paper.add_argument("name", metavar="NAME", nargs="?", help="a name from the list above")
+    paper.add_argument("-o", "--output", metavar="DIR", default=".", help="folder to write into")
+    paper.add_argument("--force", action="store_true", help="overwrite existing files")
+    paper.set_defaults(command=commands.paper)
+
+
+def _add_equations(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    equations = verbs.add_parser(
+        "equations",
+        help="print a scenario's differential equations",
+        description="Print the closed loop's differential equations in the paper's symbols.",
+        epilog="""examples:
+  extremum equations fig4.toml                equations, initial values, symbols with values
+  extremum equations fig4.toml --latex        the equations as LaTeX""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    equations.add_argument("scenario", metavar="SCENARIO.toml")
+    equations.add_argument("--latex", action="store_true", help="print LaTeX")
+    equations.set_defaults(command=commands.equations)
