@@ -24,6 +24,9 @@ def _is_none(given: Any) -> bool:
 class Excitation(Description, abstract=True):
     """What makes an axis wiggle: stated as motion (`Dither`) or as input (`Probe`)."""
 
+    amplitude: float
+    phase: float
+
 
 class Dither(Excitation):
     """The wanted motion of the position, α sin(ωt + φ).
@@ -164,7 +167,7 @@ class Controller(Description, abstract=True):
         raise NotImplementedError  # pragma: no cover - abstract
 
     def check_plant(self, axis: int, plant: Expr | None) -> None:
-        """Refuse an axis whose transfer function (None: it has none) this controller cannot drive."""
+        """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
     def motion(self, axis: int) -> tuple[Any, Any, Any] | None:
         """Return (amplitude, frequency, phase) of the axis' steady dither, None if not stated."""
@@ -214,6 +217,7 @@ class GradientES(Controller):
     probe_ramp: float | None = value("T", "s", "T", default=None, positive=True, literal=_is_none)
 
     def inputs(self) -> int:
+        """Return the number of channels."""
         return len(self.channels)
 
     def frequencies(self) -> tuple[Any, ...]:
@@ -221,6 +225,7 @@ class GradientES(Controller):
         return tuple(_scale(channel.ratio, self.frequency) for channel in self.channels)
 
     def check_plant(self, axis: int, plant: Expr | None) -> None:
+        """Refuse a dither that no probe can cause: G(jω) zero, infinite or unknown."""
         path = f"controller.channels.{axis}.dither"
         dither = self.channels[axis].dither
         if not isinstance(dither, Dither):
@@ -239,6 +244,7 @@ class GradientES(Controller):
             )
 
     def motion(self, axis: int) -> tuple[Any, Any, Any] | None:
+        """Return (α, ω_i, φ), or None for a `Probe`."""
         dither = self.channels[axis].dither
         if not isinstance(dither, Dither):
             return None
@@ -252,6 +258,7 @@ class GradientES(Controller):
         inputs: Sequence[str],
         units: Sequence[str],
     ) -> tuple[Symbol, ...]:
+        """Draw washout, demodulation, compensators and probes."""
         h = plain(self.washout)
         start = {"signal": signal, "zero": sympy.Integer(0)}.get(
             str(self.washout_start), self.washout_start

@@ -517,7 +517,7 @@ def _changed(item: Any, changes: Mapping[tuple[str, ...], Any], meta: Meta | Non
             name: _within(name, getattr(item, name, None), inner, known, known.get(name))
             for name, inner in _grouped(changes).items()
         }
-        return dataclasses.replace(item, **updates)
+        return type(item)(**{name: getattr(item, name) for name in known} | updates)
     if isinstance(item, tuple):
         entries = list(item)
         mirrored = meta is not None and meta.kind == "value" and _is_matrix(item, meta)
@@ -559,7 +559,7 @@ def as_fraction(given: Any) -> Any:
     if isinstance(given, bool):
         return given
     if isinstance(given, numbers.Rational):
-        return Fraction(given.numerator, given.denominator)
+        return Fraction(int(given.numerator), int(given.denominator))
     if isinstance(given, sympy.Rational):
         return Fraction(int(given.p), int(given.q))
     if isinstance(given, str):

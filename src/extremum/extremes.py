@@ -24,7 +24,7 @@ Again = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]
 
 def extremes(
     system: System,
-    values: NDArray[np.float64],
+    values: list[float],
     run: Trajectory,
     outputs: Mapping[str, NDArray[np.float64]],
     again: Again,
@@ -54,7 +54,7 @@ def extremes(
 
 
 def _around(
-    system: System, values: NDArray[np.float64], run: Trajectory, indices: set[int], again: Again
+    system: System, values: list[float], run: Trajectory, indices: set[int], again: Again
 ) -> dict[int, dict[str, NDArray[np.float64]]]:
     times, states = [], []
     for index in indices:
@@ -64,7 +64,7 @@ def _around(
         segment[-1] = high
         times.append(segment)
         states.append(again(segment, run.states[first]))
-    outputs = system.evaluate(np.concatenate(times), np.concatenate(states), list(values))
+    outputs = system.evaluate(np.concatenate(times), np.concatenate(states), values)
     count = _DEGREE + 1
     return {
         index: {name: o[i * count : (i + 1) * count] for name, o in outputs.items()}

@@ -17,7 +17,7 @@ from sympy import Expr, Symbol
 from .description import Description, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
 from .paths import Path, as_path
-from .symbols import FUNCTIONS, coordinates, exact, parse, plain, t
+from .symbols import FUNCTIONS, coordinates, decimals_exact, parse, plain, t
 from .system import Oracle
 
 
@@ -268,11 +268,7 @@ def field_from(
                 f"uses {part_.func}, which not every engine has; known: {', '.join(FUNCTIONS)}",
                 shown(str(traced)),
             )
-    return Expression(str(_floats_exact(traced)), parameters=given)
-
-
-def _floats_exact(expression: Expr) -> Expr:
-    return expression.xreplace({f: exact(float(f)) for f in expression.atoms(sympy.Float)})
+    return Expression(str(decimals_exact(traced)), parameters=given)
 
 
 class Opaque(Field):
@@ -334,6 +330,7 @@ class Moving(Field):
             )
 
     def dimension(self) -> int | None:
+        """Return the path's."""
         return self.path.dimension()
 
     def law(self, p: Sequence[Expr]) -> Expr:

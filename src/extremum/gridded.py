@@ -111,12 +111,13 @@ class Gridded(Field):
     ----------
     grid
         A `Grid`, an `xarray.DataArray` with a coordinate for each dimension (dimensions named x,
-        y, z are put in that order), a path of a file, or a table as in a scenario file (`read_grid`).
+        y, z are put in that order), a file's path, or a table as in a scenario file (`read_grid`).
     """
 
     grid: Grid = structure("the data", convert=lambda given: as_grid(given))
 
     def dimension(self) -> int:
+        """Return the number of axes."""
         return len(self.grid.axes)
 
     def law(self, p: Sequence[Expr]) -> Expr:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -41,6 +42,7 @@ class AtRest(Start):
     position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
 
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        """Return the state at rest there."""
         return vehicle.rest(self.position)  # pyright: ignore[reportArgumentType]
 
 
@@ -60,6 +62,7 @@ class OnDither(Start):
     position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
 
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        """Return rest at the dither's centre plus the steady response to the probe."""
         centre: list[Expr] = []
         swings: list[Expr] = []
         for axis, x in enumerate(self.position):
@@ -84,6 +87,7 @@ class InState(Start):
     states: Mapping[str, float] = value("", "", "every state of the vehicle", shape="table")
 
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
+        """Return the states in the vehicle's order."""
         return tuple(self.states[name] for name in vehicle.state_names())  # pyright: ignore[reportReturnType]
 
 
@@ -188,11 +192,12 @@ class Loop(Description):
     def system(self) -> System:
         """The loop's equations, shared by all loops of the same structure."""
         skeleton, _ = self._flat
-        if skeleton not in _SYSTEMS:
-            while len(_SYSTEMS) >= _KEPT:
-                _SYSTEMS.pop(next(iter(_SYSTEMS)))
-            _SYSTEMS[skeleton] = _assemble(self)
-        return _SYSTEMS[skeleton]
+        with _LOCK:
+            if skeleton not in _SYSTEMS:
+                while len(_SYSTEMS) >= _KEPT:
+                    _SYSTEMS.pop(next(iter(_SYSTEMS)))
+                _SYSTEMS[skeleton] = _assemble(self)
+            return _SYSTEMS[skeleton]
 
     @property
     def values(self) -> NDArray[np.float64]:
@@ -205,6 +210,7 @@ class Loop(Description):
 
 
 _KEPT = 256
+_LOCK = threading.Lock()
 _SYSTEMS: dict[Any, System] = {}
 
 

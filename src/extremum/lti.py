@@ -17,7 +17,7 @@ from sympy import Expr, Poly, Symbol
 
 from .description import Description, structure, value
 from .errors import InvalidDescription, shown
-from .symbols import MAX_EXPONENT, exact, parse, plain, s
+from .symbols import MAX_EXPONENT, decimals_exact, exact, parse, plain, s
 
 MAX_DEGREE = 32
 
@@ -162,7 +162,7 @@ def transfer(given: Any) -> Any:
                 f'Rational("…", parameters={{"{next(iter(sorted(map(str, unknown))))}": …}})',
                 shown(str(given)),
             )
-        return _from_expression(_decimals_exact(given), str(given))
+        return _from_expression(decimals_exact(given), str(given))
     if isinstance(given, numbers.Real) and not isinstance(given, bool):
         return TransferFunction(gain=float(given))
     if type(given).__module__.partition(".")[0] == "control":
@@ -348,10 +348,6 @@ def _check_degree(expression: Expr) -> None:
     )
     if degree > 4 * MAX_DEGREE:
         raise InvalidDescription("", f"has a degree beyond {MAX_DEGREE}")
-
-
-def _decimals_exact(expression: Expr) -> Expr:
-    return expression.xreplace({f: exact(float(f)) for f in expression.atoms(sympy.Float)})
 
 
 def _from_expression(expression: Expr, text: str) -> TransferFunction:

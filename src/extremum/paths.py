@@ -134,8 +134,6 @@ class Along(Path):
 
 def as_path(given: Any) -> Any:
     """Return a `Path`; a tuple of expressions in t becomes `Along`."""
-    if isinstance(given, Path) or isinstance(given, str) or not hasattr(given, "__iter__"):
-        return given
-    if isinstance(given, Mapping):
+    if isinstance(given, Path | str | Mapping) or not hasattr(given, "__iter__"):
         return given
     return Along(given)

@@ -11,15 +11,31 @@ from sympy import Expr, Symbol
 from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
-from .symbols import t
+from .symbols import substituted, t
 
 if TYPE_CHECKING:
     from .system import System
 
-_GREEK = {
-    **dict(alpha="α", beta="β", gamma="γ", delta="δ", epsilon="ε", zeta="ζ", eta="η", theta="θ"),
-    **dict(kappa="κ", mu="μ", nu="ν", xi="ξ", rho="ρ", sigma="σ", tau="τ", phi="φ", psi="ψ"),
-    "lambda": "λ", "omega": "ω",
+_GREEK: dict[str, str] = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "epsilon": "ε",
+    "zeta": "ζ",
+    "eta": "η",
+    "theta": "θ",
+    "kappa": "κ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "xi": "ξ",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "phi": "φ",
+    "psi": "ψ",
+    "omega": "ω",
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -72,7 +88,7 @@ def text(system: System, values: Sequence[float] | None = None) -> str:
     rates = [(f"d{symbol_text(x.name)}/dt", e) for x, e in _pairs(system.states, system.rhs)]
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
     starts = [
-        (f"{symbol_text(x.name)}(0)", e.xreplace(begun))
+        (f"{symbol_text(x.name)}(0)", substituted(e, begun))
         for x, e in _pairs(system.states, system.initial)
     ]
     units = system.units
@@ -102,7 +118,7 @@ def latex(system: System) -> str:
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
     lines += [
         f"\\dot{{{sympy.latex(x)}}} &= {sympy.latex(e)}, & "
-        f"{sympy.latex(x)}(0) &= {sympy.latex(start.xreplace(begun))}"
+        f"{sympy.latex(x)}(0) &= {sympy.latex(substituted(start, begun))}"
         for x, e, start in zip(system.states, system.rhs, system.initial, strict=True)
     ]
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 
 TOLERANCE: Final = 1e-12
 MIN_SAMPLES: Final = 2000
+MAX_SAMPLES: Final = 20_000_000
 SAMPLES_PER_PERIOD: Final = 20
 ENGINES: Final = {"taylor": taylor, "reference": reference}
 
@@ -79,7 +82,7 @@ def simulate(
     times = _times(loop, t_end, samples)
     if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
-    system, values = loop.system, loop.values
+    system, values = loop.system, loop.values.tolist()
     name = _engine(system, engine)
     _check_start(system, values)
     integrate = ENGINES[name].integrate
@@ -108,20 +111,29 @@ def simulate(
 
 
 def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
-    if isinstance(t_end, bool) or not np.isscalar(t_end) or not 0 < float(t_end) < np.inf:  # pyright: ignore[reportArgumentType]
+    end = t_end if isinstance(t_end, numbers.Real) and not isinstance(t_end, bool) else -1.0
+    if not 0 < float(end) < np.inf:
         raise InvalidDescription("t_end", "must be a finite number greater than 0", shown(t_end))
     if samples is None:
-        period = loop.system.fastest_period(loop.values)
-        wanted = int(np.ceil(SAMPLES_PER_PERIOD * t_end / period)) if period else 0
-        samples = max(MIN_SAMPLES, wanted)
-    if isinstance(samples, int | np.integer):
-        if samples < 2:
-            raise InvalidDescription("samples", "must be at least 2", shown(samples))
-        return np.linspace(0.0, t_end, int(samples) + 1)
-    times = np.asarray(samples, dtype=float)
+        period = loop.system.fastest_period(loop.values.tolist()) or np.inf
+        samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * float(end) / period))
+    if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
+        if not 2 <= samples <= MAX_SAMPLES:
+            raise InvalidDescription(
+                "samples",
+                f"must lie between 2 and {MAX_SAMPLES:,}; for a longer run give the times wanted",
+                shown(int(samples)),
+            )
+        return np.linspace(0.0, float(end), int(samples) + 1)
+    try:
+        times = np.asarray(samples, dtype=float)
+    except (TypeError, ValueError):
+        times = np.empty(0)
     good = times.ndim == 1 and len(times) > 1 and np.isfinite(times).all()
-    if not good or (np.diff(times) <= 0).any() or times[0] < 0 or times[-1] > t_end:
-        raise InvalidDescription("samples", "must be a number or increasing times in 0 … t_end")
+    if not good or (np.diff(times) <= 0).any() or times[0] < 0 or times[-1] > float(end):
+        raise InvalidDescription(
+            "samples", "must be a number or increasing times in 0 … t_end", shown(samples)
+        )
     return times if times[0] == 0 else np.concatenate(([0.0], times))
 
 
@@ -137,11 +149,11 @@ def _engine(system: System, engine: str | None) -> str:
     return engine
 
 
-def _check_start(system: System, values: NDArray[np.float64]) -> None:
+def _check_start(system: System, values: list[float]) -> None:
     if not system.guards:
         return
-    state = system.start(list(values))
-    margin = min(system.function(system.guards, vector=False)(0.0, state, list(values)))
+    state = system.start(values)
+    margin = min(system.function(system.guards, vector=False)(0.0, state, values))
     if margin < 0:
         raise InvalidDescription(
             "start", f"lies {-margin:g} m outside the field's data; start inside"
@@ -149,7 +161,7 @@ def _check_start(system: System, values: NDArray[np.float64]) -> None:
 
 
 def _cut(
-    system: System, values: NDArray[np.float64], run: Trajectory
+    system: System, values: list[float], run: Trajectory
 ) -> tuple[Trajectory, dict[str, NDArray[np.float64]]]:
     """Return the run up to where every output is finite, and the outputs."""
     outputs = system.evaluate(run.times, run.states, values)

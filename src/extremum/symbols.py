@@ -9,7 +9,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import sympy
 from sympy import Expr, Integer, Rational, Symbol
@@ -62,8 +62,18 @@ def is_name(text: str) -> bool:
 
 
 def exact(number: float) -> Rational:
-    """Return the number that the shortest decimal of a float states: 0.1 is 1/10."""
-    return Rational(repr(float(number)))
+    """Return the number that the shortest decimal of a finite float states: 0.1 is 1/10."""
+    return cast(Rational, Rational(repr(float(number))))
+
+
+def decimals_exact(expression: Expr) -> Expr:
+    """Return the expression with every float made the rational it states."""
+    return substituted(expression, {f: exact(float(f)) for f in expression.atoms(sympy.Float)})
+
+
+def substituted(expression: Expr, table: Mapping[Any, Any]) -> Expr:
+    """Return the expression with symbols and numbers exchanged as the table says, at once."""
+    return cast(Expr, expression.xreplace(dict(table)))
 
 
 def quarter_turns(phase: object) -> int | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
 from .description import Parameter
+from .symbols import substituted
 from .symbols import t as time
 
 Compiled = Callable[..., Any]
@@ -105,7 +106,7 @@ class System:
         """
         needed = self._needed(expressions)
         binding = {symbol: sympy.Dummy() for symbol, _ in needed}
-        bound = [(binding[symbol], e.xreplace(binding)) for symbol, e in needed]
+        bound = [(binding[symbol], substituted(e, binding)) for symbol, e in needed]
         arguments = [self.time, list(self.states), list(self.symbols)]
         library = [
             {
@@ -116,10 +117,10 @@ class System:
         ]
         return sympy.lambdify(
             arguments,
-            [e.xreplace(binding) for e in expressions],
+            [substituted(e, binding) for e in expressions],
             modules=library,
             dummify=True,
-            cse=lambda exprs: (bound, exprs),
+            cse=lambda exprs: (bound, exprs),  # pyright: ignore[reportArgumentType] - SymPy takes one
         )
 
     def _needed(self, expressions: Sequence[Expr]) -> list[tuple[Symbol, Expr]]:
@@ -145,8 +146,8 @@ class System:
         direct = {x: e for x, e in pending.items() if not e.free_symbols & signals}
         known |= direct
         for symbol, expression in self.signals:
-            known[symbol] = expression.xreplace(known)
-        initial = [pending[x].xreplace(known) for x in self.states]
+            known[symbol] = substituted(expression, known)
+        initial = [substituted(pending[x], known) for x in self.states]
         library = [{name: o.function for name, o in self.oracles.items()}, "math"]
         return sympy.lambdify([list(self.symbols)], initial, modules=library, dummify=True)
 

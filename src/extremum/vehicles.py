@@ -118,9 +118,11 @@ class PointMass(Vehicle):
             )
 
     def dimension(self) -> int:
+        """Return the number of axes."""
         return len(self.axes)
 
     def dynamics(self) -> tuple[Expr | None, ...]:
+        """Return G(s) per axis."""
         return tuple(axis.law() for axis in self.axes)
 
     def input_names(self) -> tuple[str, ...]:
@@ -136,6 +138,7 @@ class PointMass(Vehicle):
         return tuple("m/s" if degree == 1 else f"m/s^{degree}" for degree in degrees)
 
     def state_names(self) -> tuple[str, ...]:
+        """Return every axis' states' names, axis after axis."""
         return tuple(name for names, _ in self._states() for name in names)
 
     def _states(self) -> list[tuple[list[str], list[str]]]:
@@ -152,6 +155,7 @@ class PointMass(Vehicle):
         return states
 
     def compose(self, diagram: Diagram, inputs: Sequence[Symbol], initial: Sequence[Expr]) -> Body:
+        """Draw every axis as a filter driven by its input plus the disturbance."""
         pending = list(initial)
         position = []
         for index, (axis, (names, units)) in enumerate(zip(self.axes, self._states(), strict=True)):
@@ -161,12 +165,14 @@ class PointMass(Vehicle):
         return Body(tuple(position), tuple(position))
 
     def rest(self, position: Sequence[Expr]) -> tuple[Expr, ...]:
+        """Return the states at which, without input, every derivative of the position is zero."""
         states: list[Expr] = []
         for axis, x in zip(self.axes, position, strict=True):
             states += [x * unit for unit in self._realised(axis).rest]
         return tuple(states)
 
     def swing(self, axis: int, amplitude: Expr, frequency: Expr, phase: Any) -> tuple[Expr, ...]:
+        """Return Im[X_k(jω)/G(jω) · amplitude e^{jφ}] for each state k of the axis."""
         law = self.axes[axis].law()
         states = []
         for response in self._realised(self.axes[axis]).response:

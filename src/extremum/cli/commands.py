@@ -70,7 +70,7 @@ def equations(options: argparse.Namespace) -> int:
     if options.latex:
         print(loop.system.latex())
         return 0
-    print(loop.system.text(loop.values))
+    print(loop.system.text(loop.values.tolist()))
     return 0
 
 

@@ -42,16 +42,16 @@ class Files:
         return self._temporary[key]
 
     def __enter__(self) -> Self:
-        try:
-            for key, path in self.paths.items():
+        for key, path in self.paths.items():
+            try:
                 handle, name = tempfile.mkstemp(
                     f".part{path.suffix}", f".{path.stem}.", path.parent
                 )
-                os.close(handle)
-                self._temporary[key] = Path(name)
-        except OSError as error:
-            self._remove()
-            raise InvalidDescription("", f"cannot write {path}: {error.strerror}") from None
+            except OSError as error:
+                self._remove()
+                raise InvalidDescription("", f"cannot write {path}: {error.strerror}") from None
+            os.close(handle)
+            self._temporary[key] = Path(name)
         return self
 
     def commit(self) -> None:

@@ -16,7 +16,10 @@ ESCAPED, WRONG, INTERRUPTED = 1, 2, 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0 (completed), 1 (escaped, left the data) or 2 (user's error)."""
+    """Run the command line; return the exit status.
+
+    0 completed, 1 escaped or left the data, 2 the user's error, 130 interrupted.
+    """
     options = _parser().parse_args(arguments)
     try:
         status = options.command(options)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from types import TracebackType
-from typing import Any, Final, Self
+from typing import Final, Self
 
 PATIENCE: Final = 1.0
 
@@ -16,22 +18,22 @@ class Bar:
     def __init__(self, title: str, total: float) -> None:
         self.title, self.total = title, total
         self._begun = time.perf_counter()
-        self._bar: Any = None
-        self._task: Any = None
+        self._show: Callable[..., object] | None = None
+        self._stop: Callable[[], object] | None = None
 
     def __call__(self, reached: float) -> None:
         """Show that the run has reached this time (s)."""
-        if self._bar is None:
+        if self._show is None:
             if time.perf_counter() - self._begun < PATIENCE or not sys.stderr.isatty():
                 return
-            self._start()
-        self._bar.update(self._task, completed=reached)
+            self._show = self._start()
+        self._show(completed=reached)
 
-    def _start(self) -> None:
+    def _start(self) -> Callable[..., object]:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-        self._bar = Progress(
+        bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             TextColumn("{task.completed:.4g} of {task.total:.4g} s"),
@@ -39,8 +41,9 @@ class Bar:
             console=Console(stderr=True),
             transient=True,
         )
-        self._bar.start()
-        self._task = self._bar.add_task(self.title, total=self.total)
+        bar.start()
+        self._stop = bar.stop
+        return partial(bar.update, bar.add_task(self.title, total=self.total))
 
     def __enter__(self) -> Self:
         return self
@@ -51,5 +54,5 @@ class Bar:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        if self._stop is not None:
+            self._stop()

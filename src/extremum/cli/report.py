@@ -60,9 +60,10 @@ def _distance(scenario: Scenario, run: xarray.Dataset) -> list[str]:
         return []
     distance = np.linalg.norm(run.position.values - run.source.values, axis=1)
     lines = [
-        f"  distance to the source: {distance[0]:.4g} m at the start, {distance[-1]:.4g} m at the end"
+        f"  distance to the source: {distance[0]:.4g} m at the start, "
+        f"{distance[-1]:.4g} m at the end"
     ]
-    period = scenario.loop.system.fastest_period(scenario.loop.values)
+    period = scenario.loop.system.fastest_period(scenario.loop.values.tolist())
     last = run.time.values >= run.time.values[-1] - (period or 0.0)
     if period and last.sum() > 2 and run.attrs["outcome"] == "completed":
         offset = (run.position.values - run.source.values)[last].mean(axis=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -60,7 +61,7 @@ def integrate(
             states[count:reached] = dense(inside).T
         for time in (*inside, float(solver.t)):
             if guard(time, dense(time)) < 0:
-                edge = _edge(lambda at: guard(at, dense(at)), before, float(time))
+                edge = _edge(partial(_along, guard, dense), before, float(time))
                 count += int(np.searchsorted(inside, edge, side="right"))
                 return Trajectory(times[:count], states[:count], LEFT, edge, dense(edge))
         count = reached
@@ -86,6 +87,10 @@ def _guard(system: System, values: list[float]) -> Callable[[float, NDArray[np.f
         return lambda time, state: math.inf
     guards = system.function(system.guards, vector=False)
     return lambda time, state: min(guards(time, state.tolist(), values))
+
+
+def _along(guard: Any, dense: Any, time: float) -> float:
+    return guard(time, dense(time))
 
 
 def _edge(guard: Callable[[float], float], inside: float, outside: float) -> float:

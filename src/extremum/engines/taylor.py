@@ -14,6 +14,7 @@ import sympy
 from numpy.typing import NDArray
 from sympy import Expr
 
+from ..symbols import substituted
 from ..system import System
 from .trajectory import COMPLETED, Progress, Trajectory, broken_off
 
@@ -159,4 +160,4 @@ def _floats(expression: Expr) -> Expr:
     fractions = {
         r: sympy.Float(float(r)) for r in expression.atoms(sympy.Rational) if r.q & (r.q - 1)
     }
-    return expression.xreplace({**fractions, sympy.E: sympy.Float(float(sympy.E))})
+    return substituted(expression, {**fractions, sympy.E: sympy.Float(float(sympy.E))})
