@@ -52,7 +52,7 @@ class Dither(Excitation):
         Transfer,
         "G whose inverse makes the probe",
         default=None,
-        convert=lambda given: given if given is None else transfer(given),
+        converter=lambda given: given if given is None else transfer(given),
         literal=_is_none,
     )
 
@@ -117,10 +117,10 @@ class Channel(Description):
     dither: Excitation = part(Excitation, "what makes the axis wiggle", usual=Dither)
     gain: float = value("c", "{input}", "c")
     compensator: Transfer = part(
-        Transfer, "C(s)", default=TransferFunction(), convert=lambda given: transfer(given)
+        Transfer, "C(s)", default=TransferFunction(), converter=lambda given: transfer(given)
     )
     reference: Reference | None = part(
-        Reference, "what demodulates", default=None, convert=_as_reference, literal=_is_none
+        Reference, "what demodulates", default=None, converter=_as_reference, literal=_is_none
     )
     ratio: Fraction | float = value(
         "rho",
@@ -128,7 +128,7 @@ class Channel(Description):
         "frequency over the controller's",
         default=Fraction(1),
         positive=True,
-        convert=as_fraction,
+        converter=as_fraction,
         literal=lambda given: isinstance(given, Fraction),
     )
 

@@ -39,7 +39,7 @@ class Meta:
     positive: bool = False
     per_axis: bool = False
     literal: Callable[[Any], bool] | None = None
-    convert: Callable[[Any], Any] | None = None
+    converter: Callable[[Any], Any] | None = None
     role: type | None = None
     usual: type | None = None
     doc: str = ""
@@ -54,7 +54,7 @@ def value(
     shape: str = "scalar",
     positive: bool = False,
     literal: Callable[[Any], bool] | None = None,
-    convert: Callable[[Any], Any] | None = None,
+    converter: Callable[[Any], Any] | None = None,
 ) -> Any:
     """Declare a number, or a tuple of numbers, that is a parameter of the equations.
 
@@ -72,10 +72,10 @@ def value(
         Whether every number must be greater than zero.
     literal
         Says which values are structure rather than numbers (``"signal"``, None, a quarter turn).
-    convert
+    converter
         Makes what a user may write into the stored value, before validation.
     """
-    meta = Meta("value", symbol, unit, shape, positive, False, literal, convert, doc=doc)
+    meta = Meta("value", symbol, unit, shape, positive, False, literal, converter, doc=doc)
     return dataclasses.field(default=default, metadata={"extremum": meta})
 
 
@@ -86,7 +86,7 @@ def part(
     default: Any = MISSING,
     usual: type | None = None,
     per_axis: bool = False,
-    convert: Callable[[Any], Any] | None = None,
+    converter: Callable[[Any], Any] | None = None,
     literal: Callable[[Any], bool] | None = None,
 ) -> Any:
     """Declare a nested description of class `role`, or a tuple with one per axis.
@@ -97,7 +97,7 @@ def part(
         "part",
         per_axis=per_axis,
         literal=literal,
-        convert=convert,
+        converter=converter,
         role=role,
         usual=usual,
         doc=doc,
@@ -106,10 +106,10 @@ def part(
 
 
 def structure(
-    doc: str, *, default: Any = MISSING, convert: Callable[[Any], Any] | None = None
+    doc: str, *, default: Any = MISSING, converter: Callable[[Any], Any] | None = None
 ) -> Any:
     """Declare a field that decides the form of the equations and never becomes a symbol."""
-    meta = Meta("structure", convert=convert, doc=doc)
+    meta = Meta("structure", converter=converter, doc=doc)
     return dataclasses.field(default=default, metadata={"extremum": meta})
 
 
@@ -242,8 +242,8 @@ def symbolic(
 
 
 def _accept(given: Any, meta: Meta) -> Any:
-    if meta.convert is not None:
-        given = meta.convert(given)
+    if meta.converter is not None:
+        given = meta.converter(given)
     if meta.literal is not None and meta.literal(given):
         return given
     if meta.kind == "value":

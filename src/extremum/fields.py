@@ -198,7 +198,7 @@ class Expression(Field):
 
     formula: str = structure("J as mathematics in x, y, z, t and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", convert=_no_parameters
+        "", "", "values of the letters", default=None, shape="table", converter=_no_parameters
     )
 
     def check(self) -> None:
@@ -319,7 +319,7 @@ class Moving(Field):
     """
 
     field: Field = part(Field, "the field that moves")
-    path: Path = part(Path, "its displacement over time", convert=as_path)
+    path: Path = part(Path, "its displacement over time", converter=as_path)
 
     def check(self) -> None:
         """Refuse a path whose dimension differs from the field's."""

@@ -128,7 +128,7 @@ class Loop(Description):
         "m",
         "position at t = 0, or a Start",
         shape="vector",
-        convert=_as_start,
+        converter=_as_start,
         literal=lambda given: isinstance(given, Start),
     )
 

@@ -121,7 +121,7 @@ class Rational(Transfer):
 
     formula: str = structure("a rational expression of s and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", convert=_parameters
+        "", "", "values of the letters", default=None, shape="table", converter=_parameters
     )
 
     def check(self) -> None:

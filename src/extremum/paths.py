@@ -109,9 +109,9 @@ class Along(Path):
         Name → value.
     """
 
-    formulas: tuple[str, ...] = structure("one expression in t per axis", convert=_texts)
+    formulas: tuple[str, ...] = structure("one expression in t per axis", converter=_texts)
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", convert=_no_parameters
+        "", "", "values of the letters", default=None, shape="table", converter=_no_parameters
     )
 
     def check(self) -> None:

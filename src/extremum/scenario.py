@@ -42,7 +42,7 @@ class Run(Description):
     """
 
     t_end: float = value("t_end", "s", "duration", positive=True)
-    samples: int | None = structure("number of samples", default=None, convert=_count)
+    samples: int | None = structure("number of samples", default=None, converter=_count)
 
 
 def _interval(given: Any, path: str) -> tuple[float, float]:
@@ -80,9 +80,9 @@ class View(Description):
         Range of each input.
     """
 
-    signal: tuple[float, float] | None = structure("range of J", default=None, convert=_one)
-    position: Any = structure("range of each coordinate (m)", default=None, convert=_many)
-    inputs: Any = structure("range of each input", default=None, convert=_many)
+    signal: tuple[float, float] | None = structure("range of J", default=None, converter=_one)
+    position: Any = structure("range of each coordinate (m)", default=None, converter=_many)
+    inputs: Any = structure("range of each input", default=None, converter=_many)
 
 
 def _text(given: Any) -> Any:
@@ -108,9 +108,9 @@ class Scenario(Description):
 
     loop: Loop = part(Loop, "the loop")
     run: Run = part(Run, "duration and samples")
-    title: str = structure("title of the figure", default="", convert=_text)
+    title: str = structure("title of the figure", default="", converter=_text)
     note: str = structure(
-        "what it shows, and where its numbers come from", default="", convert=_text
+        "what it shows, and where its numbers come from", default="", converter=_text
     )
     view: View = part(View, "ranges of the figure's axes", default=View())
 

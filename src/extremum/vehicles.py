@@ -89,7 +89,7 @@ class PointMass(Vehicle):
     """
 
     axes: tuple[Transfer, ...] = part(
-        Transfer, "G(s) per axis", per_axis=True, convert=lambda given: _transfers(given)
+        Transfer, "G(s) per axis", per_axis=True, converter=lambda given: _transfers(given)
     )
     disturbance: tuple[float, ...] | None = value(
         "d",

@@ -22,12 +22,12 @@ def final(gain: float) -> np.ndarray:
 def test_two_threads_do_not_share_an_integrator() -> None:
     """A shared one gives wrong results in half of the runs."""
     gains = np.linspace(5, 15, 150)
-    expected = [final(gain) for gain in gains]
+    expected = [final(float(gain)) for gain in gains]
     together = Barrier(2)
 
     def sweep(order: np.ndarray) -> dict[int, np.ndarray]:
         together.wait()
-        return {int(i): final(gains[i]) for i in order}
+        return {int(i): final(float(gains[i])) for i in order}
 
     forwards = np.arange(len(gains))
     with ThreadPoolExecutor(2) as pool:
