@@ -133,7 +133,8 @@ def test_response_parts_are_the_real_and_imaginary_part_at_any_frequency() -> No
     law = k * (s + 2) / (s * (s**2 + s + 3))
     real, imaginary = response_parts(law, omega)
     for value in OMEGAS:
-        ours = complex((real + sympy.I * imaginary).subs({omega: value, k: 2.5}))
+        put: Any = (real + sympy.I * imaginary).subs({omega: value, k: 2.5})
+        ours = complex(put)
         jw = 1j * value
         assert ours == pytest.approx(2.5 * (jw + 2) / (jw * (jw**2 + jw + 3)), rel=1e-12)
 

@@ -46,8 +46,10 @@ class Dither(Excitation):
         scheme for unstable poles (Fig. 3) uses ``1/s``.
     """
 
-    amplitude: float = value("alpha", "m", "α", positive=True)
-    phase: float = value("phi", "rad", "φ", default=0.0, literal=is_quarter_turn)
+    amplitude: float = value("alpha", "m", "α, amplitude of the position's dither", positive=True)
+    phase: float = value(
+        "phi", "rad", "φ of the dither α sin(ωt + φ)", default=0.0, literal=is_quarter_turn
+    )
     through: Transfer | None = part(
         Transfer,
         "G whose inverse makes the probe",
@@ -71,8 +73,10 @@ class Probe(Excitation):
         φ (rad).
     """
 
-    amplitude: float = value("a", "{input}", "a", positive=True)
-    phase: float = value("phi", "rad", "φ", default=0.0, literal=is_quarter_turn)
+    amplitude: float = value("a", "{input}", "a, amplitude of the probe", positive=True)
+    phase: float = value(
+        "phi", "rad", "φ of the probe a sin(ωt + φ)", default=0.0, literal=is_quarter_turn
+    )
 
 
 class Reference(Description):
@@ -84,7 +88,9 @@ class Reference(Description):
         ψ (rad).
     """
 
-    phase: float = value("psi", "rad", "ψ", default=0.0, literal=is_quarter_turn)
+    phase: float = value(
+        "psi", "rad", "ψ of the reference sin(ωt + ψ)", default=0.0, literal=is_quarter_turn
+    )
 
 
 def _as_reference(given: Any) -> Any:
@@ -115,7 +121,7 @@ class Channel(Description):
     """
 
     dither: Excitation = part(Excitation, "what makes the axis wiggle", usual=Dither)
-    gain: float = value("c", "{input}", "c")
+    gain: float = value("c", "{input}", "c, the demodulation gain")
     compensator: Transfer = part(
         Transfer, "C(s)", default=TransferFunction(), converter=lambda given: transfer(given)
     )
@@ -125,7 +131,7 @@ class Channel(Description):
     ratio: Fraction | float = value(
         "rho",
         "1",
-        "frequency over the controller's",
+        "its frequency over the base frequency",
         default=Fraction(1),
         positive=True,
         converter=as_fraction,
@@ -208,13 +214,22 @@ class GradientES(Controller):
         force-actuated vehicle from drifting away at αω; None for no ramp.
     """
 
-    frequency: float = value("omega", "rad/s", "ω", positive=True)
-    washout: float = value("h", "rad/s", "h", positive=True)
-    channels: tuple[Channel, ...] = part(Channel, "one per input", per_axis=True)
-    washout_start: str | float = value(
-        "eta_0", "1", "η(0)", default="signal", literal=_start_literal
+    frequency: float = value("omega", "rad/s", "ω, the base frequency of the dither", positive=True)
+    washout: float = value("h", "rad/s", "h, the corner of s/(s + h)", positive=True)
+    channels: tuple[Channel, ...] = part(
+        Channel, "probe, gain and compensator of each input", per_axis=True
     )
-    probe_ramp: float | None = value("T", "s", "T", default=None, positive=True, literal=_is_none)
+    washout_start: str | float = value(
+        "eta_0", "1", 'η(0): "signal", "zero" or a number', default="signal", literal=_start_literal
+    )
+    probe_ramp: float | None = value(
+        "T",
+        "s",
+        "T of the probe's ramp 1 − e^(−t/T)",
+        default=None,
+        positive=True,
+        literal=_is_none,
+    )
 
     def inputs(self) -> int:
         """Return the number of channels."""

@@ -126,7 +126,9 @@ class Gaussian(_Peaked):
         f*, the value at the source.
     """
 
-    width: Any = value("sigma", "m", "σ", shape="scalar or vector", positive=True, default=1.0)
+    width: Any = value(
+        "sigma", "m", "σ, standard deviation", shape="scalar or vector", positive=True, default=1.0
+    )
     peak: float = value("f^*", "1", "the value at the source", default=1.0)
 
     def check(self) -> None:
@@ -154,7 +156,7 @@ class InverseSquare(_Peaked):
         f*, the value at the source.
     """
 
-    width: float = value("w", "m", "half-value distance", positive=True, default=1.0)
+    width: float = value("w", "m", "w, the distance of half the peak", positive=True, default=1.0)
     peak: float = value("f^*", "1", "the value at the source", default=1.0)
 
     def law(self, p: Sequence[Expr]) -> Expr:

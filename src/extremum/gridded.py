@@ -114,7 +114,7 @@ class Gridded(Field):
         y, z are put in that order), a file's path, or a table as in a scenario file (`read_grid`).
     """
 
-    grid: Grid = structure("the data", converter=lambda given: as_grid(given))
+    grid: Grid = structure("the data: numbers, or a file", converter=lambda given: as_grid(given))
 
     def dimension(self) -> int:
         """Return the number of axes."""

@@ -99,7 +99,7 @@ class Lead(Transfer):
     Source: Zhang, Siranosian and Krstić (2007), Fig. 2.
     """
 
-    gain: float = value("k", "1", "k, its gain at high frequency")
+    gain: float = value("k", "", "k, its gain at high frequency")
     zero: float = value("z", "1/s", "z, its zero")
     pole: float = value("p", "1/s", "p, its pole")
 

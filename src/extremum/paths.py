@@ -39,9 +39,9 @@ class FigureEight(Path):
         φ_m (rad); 3π/2 starts the source at (0, 0).
     """
 
-    amplitude: float = value("a_m", "m", "a")
-    frequency: float = value("omega_m", "rad/s", "ω_m", positive=True)
-    phase: float = value("phi_m", "rad", "φ_m", default=0.0, literal=is_quarter_turn)
+    amplitude: float = value("a_m", "m", "a, half the eight's width")
+    frequency: float = value("omega_m", "rad/s", "ω_m of x; y has twice that", positive=True)
+    phase: float = value("phi_m", "rad", "φ_m at t = 0", default=0.0, literal=is_quarter_turn)
 
     def law(self) -> tuple[Expr, ...]:
         """Return (a sin ω_m t, a cos(2 ω_m t + φ_m))."""
@@ -63,8 +63,8 @@ class Circle(Path):
     """
 
     radius: float = value("R", "m", "radius", positive=True)
-    frequency: float = value("omega_m", "rad/s", "ω_m")
-    phase: float = value("phi_m", "rad", "φ_m", default=0.0, literal=is_quarter_turn)
+    frequency: float = value("omega_m", "rad/s", "ω_m; negative is clockwise")
+    phase: float = value("phi_m", "rad", "φ_m at t = 0", default=0.0, literal=is_quarter_turn)
 
     def law(self) -> tuple[Expr, ...]:
         """Return (R cos(ω_m t + φ_m), R sin(ω_m t + φ_m))."""
@@ -81,7 +81,7 @@ class Line(Path):
         V (m/s), one number per axis.
     """
 
-    velocity: tuple[float, ...] = value("V", "m/s", "velocity", shape="vector")
+    velocity: tuple[float, ...] = value("V", "m/s", "V, the velocity", shape="vector")
 
     def law(self) -> tuple[Expr, ...]:
         """Return V t."""

@@ -42,7 +42,9 @@ class Run(Description):
     """
 
     t_end: float = value("t_end", "s", "duration", positive=True)
-    samples: int | None = structure("number of samples", default=None, converter=_count)
+    samples: int | None = structure(
+        "number of samples; by default 2000 or 20 per period", default=None, converter=_count
+    )
 
 
 def _interval(given: Any, path: str) -> tuple[float, float]:

@@ -89,12 +89,12 @@ class PointMass(Vehicle):
     """
 
     axes: tuple[Transfer, ...] = part(
-        Transfer, "G(s) per axis", per_axis=True, converter=lambda given: _transfers(given)
+        Transfer, "G(s), strictly proper", per_axis=True, converter=lambda given: _transfers(given)
     )
     disturbance: tuple[float, ...] | None = value(
         "d",
         "{input}",
-        "constant force at the input",
+        "d, a constant force at each input",
         default=None,
         shape="vector",
         literal=_disturbance,
