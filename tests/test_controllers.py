@@ -104,6 +104,25 @@ def test_a_start_on_the_dither_moves_exactly_as_the_dither_says(
     assert np.abs(run.x.values - expected).max() < 1e-9
 
 
+@pytest.mark.parametrize(
+    "axis", [1 / s**2, (s + 2) / (s * (s + 0.7)), (s**2 + s + 3) / (s**2 * (s + 4))]
+)
+def test_a_start_anywhere_is_a_rest_or_a_dither_about_it(axis: sympy.Expr) -> None:
+    """An axis with an integrator can rest anywhere, whatever coordinates its states have."""
+    alpha, omega, begin = 0.3, 7.0, 5.0
+    loop = es.Loop(
+        field=es.Quadratic(source=(0,), q=(1.0,)),
+        vehicle=es.PointMass(axes=(axis,)),
+        controller=es.GradientES(omega, 1.0, (es.Channel(es.Dither(alpha), gain=0.0),)),
+        start=es.OnDither((begin,)),
+    )
+    run = es.simulate(loop, 2.0)
+    expected = begin + alpha * np.sin(omega * run.time.values)
+    assert np.abs(run.x.values - expected).max() < 1e-9
+    faint = loop.replace({"start": (begin,), "controller.channels.0.dither.amplitude": 1e-12})
+    assert np.abs(es.simulate(faint, 2.0).x.values - begin).max() < 1e-9
+
+
 def test_from_rest_a_double_integrator_drifts_and_a_ramp_prevents_it() -> None:
     """v settles about −αω (from rest) or −αω/(1 + ω²T²) (probe ramp of time constant T)."""
     alpha, omega, ramp = 0.1, 30.0, 0.5

@@ -221,6 +221,22 @@ def test_an_escape_ends_cleanly_and_nothing_in_the_dataset_is_nan(engine: str) -
 
 
 @pytest.mark.parametrize("engine", ["taylor", "reference"])
+def test_a_run_up_to_the_largest_float_stays_finite(engine: str) -> None:
+    """x = e^t: J = −x² overflows while x itself is still representable."""
+    loop = es.Loop(
+        field=es.Quadratic((0,), (1.0,)),
+        vehicle=es.PointMass((1 / (s - 1),)),
+        controller=es.GradientES(5, 1e-3, (es.Channel(es.Dither(0.1), gain=0.0),)),
+        start=(1.0,),
+    )
+    run = es.simulate(loop, 400.0, samples=200_000, engine=engine)
+    assert run.attrs["outcome"] == "escaped"
+    assert run.attrs["end_time"] == pytest.approx(np.log(np.sqrt(np.finfo(float).max)), abs=1.0)
+    assert all(np.isfinite(v.values).all() for v in run.data_vars.values())
+    assert np.isfinite([*run.J.attrs.values()][2:]).all()
+
+
+@pytest.mark.parametrize("engine", ["taylor", "reference"])
 @pytest.mark.parametrize("formula", ["sqrt(x)", "log(x)", "(x + 0.2)**1.5"])
 def test_a_field_without_a_value_ends_the_run_and_is_not_called_an_escape(
     engine: str, formula: str

@@ -45,10 +45,10 @@ def extremes(
     around = _around(system, values, run, {index for *_, index in wanted}, again)
     found: dict[tuple[str, float], list[float]] = {}
     for name, component, sign, index in wanted:
-        peak = max(
-            sign * outputs[name][index, component],
-            _peak(_TO_GRID @ (sign * around[index][name][:, component])),
-        )
+        sampled = sign * outputs[name][index, component]
+        with np.errstate(all="ignore"):  # near an escape the square of a difference overflows
+            refined = _peak(_TO_GRID @ (sign * around[index][name][:, component]))
+        peak = max(sampled, refined) if np.isfinite(refined) else sampled
         found.setdefault((name, sign), []).append(sign * peak)
     return {name: (np.array(found[name, -1.0]), np.array(found[name, 1.0])) for name in outputs}
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..scenario import View
 from . import panels
-from .scenes import checked, field_of, label, motion, profile, unit_of
+from .scenes import checked, field_of, label, motion, over_field, unit_of
 
 if TYPE_CHECKING:
     import xarray
@@ -98,7 +98,7 @@ def trajectory(run: xarray.Dataset, view: View | None = None) -> Figure:
     """
     view = checked(view, run)
     field = field_of(run)
-    scene = profile(run, view, field) if run.sizes["axis"] == 1 else motion(run, view)
+    scene = over_field(run, view, field)
     figure = panels.empty_figure(run, 7.0, 6.0)
     axes = panels.stage(figure, 111, scene)
     around = panels.ground(scene, field, float(run.time[-1]))

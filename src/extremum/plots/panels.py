@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, which the colour-blind tell apart; in print the markers do.
 COLOURS: Final = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")
-MARKERS: Final = "osD^vP"
+MARKERS: Final = "osD^vPX"
 SOURCE: Final = "#D55E00"
 STAR: Final = {"marker": "*", "markersize": 14, "color": SOURCE, "markeredgecolor": "black"}
 CIRCLE: Final = {"marker": "o", "markersize": 6.5, "color": "white", "markeredgecolor": "black"}
 SQUARE: Final = {"marker": "s", "markersize": 5, "color": "black", "markeredgecolor": "white"}
+VEHICLE: Final = SQUARE | {"markersize": 8}
 CROSS: Final = {"marker": "X", "markersize": 8, "color": "black", "markeredgecolor": "white"}
 PALE: Final = "#a3c2e0"
 EQUAL_UP_TO: Final = 4.0
@@ -57,15 +58,16 @@ def stage(figure: Figure, place: Any, scene: Scene) -> Axes:
     equal = scene.kind == "space" and max(widths) <= EQUAL_UP_TO * min(widths)
     if len(widths) == 3:
         space = cast(Any, figure.add_subplot(place, projection="3d", computed_zorder=False))
-        space.set_box_aspect(widths if equal else None, zoom=0.95)
+        space.set_box_aspect(widths if equal else None, zoom=0.9)
         space.locator_params(nbins=4)
         dress(space, scene.labels, scene.limits)
         space.tick_params(pad=0)
         for axis in (space.xaxis, space.yaxis, space.zaxis):
-            axis.labelpad = 6
+            axis.labelpad = 4
         return space
     axes = figure.add_subplot(place)
     dress(axes, scene.labels, scene.limits)
+    axes.locator_params(nbins=6)
     axes.set_aspect("equal" if equal else "auto")
     return axes
 
@@ -94,31 +96,25 @@ def move(line: Any, points: Array) -> None:
 
 def tracks(axes: Axes, scene: Scene) -> list[Line2D]:
     """Draw the vehicle's curves: one per axis over time, told apart by their markers."""
-    lines = []
+    lines, count = [], len(scene.tracks)
     for index, (name, points) in enumerate(scene.tracks.items()):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "label": name}
-        if len(scene.tracks) > 1:
-            every = (index / len(scene.tracks) / 8, 1 / 8)
-            marker = MARKERS[index % len(MARKERS)]
-            style |= {"marker": marker, "markevery": every, "markersize": 5}
+        if count > 1:
+            step = len(points) // 8 or 1
+            style |= {"marker": MARKERS[index % len(MARKERS)], "markersize": 5}
+            style |= {"markevery": (step * index // count, step)}
         lines.append(curve(axes, points, **style))
     return lines
 
 
 def source_paths(axes: Axes, scene: Scene) -> None:
     """Draw where the source moves, dashed, in its axis' colour where there are several."""
+    dashed = {"linestyle": (0, (4, 2)), "linewidth": 1.3, "zorder": 3}
+    colours = ("black",) if len(scene.tracks) == 1 else COLOURS
     for index, points in enumerate(scene.sources):
         if is_moving(points):
-            several = len(scene.tracks) > 1
-            curve(
-                axes,
-                points,
-                color=COLOURS[index % len(COLOURS)] if several else "black",
-                linestyle=(0, (4, 2)),
-                linewidth=1.3,
-                zorder=3,
-                label="source" if index == 0 else None,
-            )
+            text = "source" if index == 0 else None
+            curve(axes, points, color=colours[index % len(colours)], label=text, **dashed)
 
 
 def marks(axes: Axes, scene: Scene, run: xarray.Dataset) -> None:
@@ -138,12 +134,12 @@ def marks(axes: Axes, scene: Scene, run: xarray.Dataset) -> None:
     for point, text, style in places:
         limits = zip(point, scene.limits, strict=True)
         outside = not all(low <= x <= high for x, (low, high) in limits)
-        mark(axes, point, label=f"{text} (outside)" if outside else text, **style)
+        mark(axes, point[None], label=f"{text} (outside)" if outside else text, **style)
 
 
 def mark(axes: Axes, point: Array, **style: Any) -> Line2D:
-    """Draw a marker at a point."""
-    return axes.plot(*point[:, None], linestyle="", zorder=5, **style)[0]
+    """Draw a marker at a point, an array (1, coordinate)."""
+    return axes.plot(*point.T, linestyle="", zorder=5, **style)[0]
 
 
 def mark_early_end(axes: Axes, run: xarray.Dataset) -> None:
@@ -183,9 +179,9 @@ def paint(axes: Axes, around: list[Array], heights: Array | None) -> list[Any]:
         return axes.plot(*around, color="0.6", linewidth=3, zorder=1, label="field")
     if not around or heights is None:
         return []
-    axes.grid(visible=False)
     from matplotlib.colors import LinearSegmentedColormap
 
+    axes.grid(visible=False)
     pale = LinearSegmentedColormap.from_list("pale", ["#ffffff", PALE])
     return [
         axes.contourf(*around, heights, cmap=pale, zorder=0),

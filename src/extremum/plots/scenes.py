@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 _BEFORE_ESCAPE: Final = 0.98
+_ROUNDING: Final = 1e-9
 _SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -73,8 +74,10 @@ def motion(run: xarray.Dataset, view: View) -> Scene:
     return Scene(tracks, sources, labels, limits, "time")
 
 
-def profile(run: xarray.Dataset, view: View, field: Field | None) -> Scene:
-    """Return J along the only axis; the source needs the field for its height."""
+def over_field(run: xarray.Dataset, view: View, field: Field | None) -> Scene:
+    """Return J along the only axis, otherwise as `motion`; a source needs the field for its J."""
+    if run.sizes["axis"] != 1:
+        return motion(run, view)
     x, source, J = run.position.values[:, 0], _source(run), run.J.values  # noqa: N806
     heights = [field.at(c, time=run.time.values) for c in source.T] if field else []
     return Scene(
@@ -129,8 +132,9 @@ def padded(run: xarray.Dataset, *columns: Array) -> Interval:
     times = run.time.values
     last = times[-1] * (_BEFORE_ESCAPE if early_end(run) == "escaped" else 1.0)
     values = np.concatenate([column[times <= last].ravel() for column in columns])
-    low, high = float(values.min()), float(values.max())
-    margin = 0.05 * (high - low) or 0.05 * abs(low) or 1.0
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    size = max(abs(low), abs(high))
+    margin = 0.05 * (high - low if high - low > _ROUNDING * size else size) or 1.0
     return low - margin, high + margin
 
 

@@ -1,0 +1,80 @@
+"""Every example in the documentation is run, and every key of a scenario is documented."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from extremum.cli import main
+from extremum.description import Description, declarations
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_examples_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__main__"}
+    for block in blocks(page, "python"):
+        exec(compile(block, str(page), "exec"), namespace)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_scenarios_and_commands_run(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for block in blocks(page, "toml"):
+        if "[controller]" in block:
+            (tmp_path / "loop.toml").write_text(block, encoding="utf-8")
+            assert main(["run", "loop.toml"]) == 0
+    for block in blocks(page, "console"):
+        for command in re.findall(r"^\$ extremum (.*?)(?:\s+#.*)?$", block, re.MULTILINE):
+            assert main(command.split()) == 0, command
+
+
+def test_there_is_something_to_run() -> None:
+    assert sum(len(blocks(page, "python")) for page in PAGES) >= 5
+
+
+def documented(cls: type[Description]) -> list[str]:
+    rows = []
+    for field in dataclasses.fields(cls):  # pyright: ignore[reportArgumentType]
+        meta = declarations(cls)[field.name]
+        kind = {
+            "value": meta.shape,
+            "part": (meta.role.__name__ if meta.role else "") + " per axis" * meta.per_axis,
+            "structure": "—",
+        }[meta.kind]
+        default = "" if field.default is dataclasses.MISSING else str(field.default or "none")
+        default = default if field.default != 0.0 else "0.0"
+        unit = meta.unit.format(input="unit of the input")
+        doc = meta.doc + " (> 0)" * meta.positive
+        rows.append(f"| `{field.name}` | {kind} | {unit} | {default} | {doc} |")
+    return rows
+
+
+def test_every_key_of_a_scenario_is_documented_as_it_is_declared() -> None:
+    text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    internal = {"Loop", "Scenario", "TransferFunction", "InState", "Opaque"}
+    for name, cls in Description.registry.items():
+        if name not in internal and cls.__module__.startswith("extremum."):
+            assert f"### {name}\n" in text
+            for row in documented(cls):
+                assert row in text, row
+
+
+def test_ci_runs_the_commands_that_the_readme_prints() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = [line for line in (ROOT / ".ci" / "run").read_text().splitlines() if "&&" in line]
+    assert len(commands) == 2
+    assert all(command in readme for command in commands)
