@@ -102,15 +102,11 @@ def figure(number: float) -> str:
     return f"{number:.0f}" if abs(number) >= 100 else f"{number:#.3g}"
 
 
-def timed(run: Callable[[], object]) -> float:
-    """Return how long one call takes (s)."""
-    begin = time.perf_counter()
-    run()
-    return time.perf_counter() - begin
-
-
 def interleaved(
-    runs: dict[str, Callable[[], object]], rounds: int, repeats: dict[str, int] | None = None
+    runs: dict[str, Callable[[], object]],
+    rounds: int,
+    repeats: dict[str, int] | None = None,
+    clock: Callable[[], float] = time.perf_counter,
 ) -> dict[str, Times]:
     """Time every run in each round, so that a busy machine slows all of them alike.
 
@@ -120,7 +116,9 @@ def interleaved(
     for _ in range(rounds):
         for name, run in runs.items():
             for _ in range((repeats or {}).get(name, 1)):
-                taken[name].append(timed(run))
+                begin = clock()
+                run()
+                taken[name].append(clock() - begin)
     return {name: Times(tuple(seconds)) for name, seconds in taken.items()}
 
 

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
-from extremum import pi, s
-from extremum.description import flatten
-from extremum.papers import zhang2007
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import extremum as es
+from extremum import pi, s
+from extremum.description import flatten
+from extremum.papers import zhang2007
 
 
 def make(field: Any = None, vehicle: Any = None, start: Any = (1, 1), **controller: Any) -> es.Loop:
@@ -60,6 +60,9 @@ MATRIX = es.Quadratic((-1, -1), [[1.0, 0.1], [0.1, 0.5]], 1.0)
 LOOPS = {
     **{name: zhang2007.scenario(name).loop for name in zhang2007.NAMES},
     "matrix": make(MATRIX),
+    "matrix of three": zhang2007.scenario("three_d").loop.replace(
+        {"field.q": ((1.0, 0.1, 0.2), (0.1, 0.5, 0.3), (0.2, 0.3, 0.8))}
+    ),
     "rich": rich(),
     "state": make(es.Gaussian((0, 0), width=(1, 2)), start={"y": 1.0, "x": 2.0}),
     "circle": make(es.Moving(es.InverseSquare((0, 0)), es.Circle(1, 0.1, 0.2))),
@@ -218,8 +221,8 @@ def test_entries_of_every_container_can_be_replaced():
     [
         ({"feild.peak": 1}, "feild: there is no such entry; did you mean 'field'?"),
         ({"field.peek": 1}, "field.peek: there is no such entry; did you mean 'peak'?"),
-        ({"field.q.5.0": 1}, "field.q.5.0: there is no such entry"),
-        ({"field.q.2.0": 1}, "field.q.2.0: there is no such entry"),
+        ({"field.q.5.0": 1}, "field.q.5: there is no such entry"),
+        ({"field.q.2.0": 1}, "field.q.2: there is no such entry"),
         ({"field.q.1.x": 1}, "field.q.1.x: there is no such entry"),
         ({"field.peak.x": 1}, "field.peak.x: 1.0 has no parts"),
         ({"controller.channels.2.gain": 1}, "controller.channels.2: there is no such entry"),
@@ -305,7 +308,7 @@ def test_a_ratio_in_text_is_exact_however_it_is_spaced():
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers_of_other_kinds_are_the_same_numbers(number):
     for kind in (float, np.float64, sympy.Float, lambda n: sympy.Rational(*n.as_integer_ratio())):
-        assert es.Line((kind(number),)).velocity == (number,)
+        assert es.Line((kind(number),)).velocity == (number,)  # pyright: ignore[reportArgumentType]
 
 
 def test_descriptions_are_values():

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from extremum import pi, s
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import extremum as es
+from extremum import pi, s
 
 X = np.array([-1.0, 0.0, 0.5, 2.0, 3.0])
 Y = np.array([0.0, 1.0, 1.5, 4.0])
@@ -91,7 +91,7 @@ def test_grids_are_immutable():
 
 SIGNS = (-1.0) ** np.add.outer(np.arange(5), np.arange(4))
 BAD = {
-    "NaN": (lambda: es.Grid([X, Y], np.where(J == J[2, 1], np.nan, J)), "values: 1 of 20 are NaN"),
+    "NaN": (lambda: es.Grid([X, Y], np.where(J[2, 1] == J, np.nan, J)), "values: 1 of 20 are NaN"),
     "infinity": (lambda: es.Grid([X, Y], J + np.inf), "values: 20 of 20 are NaN or infinite"),
     "not monotonic": (lambda: es.Grid([[0, 2, 1, 3, 4], Y], J), "x: must be finite and strictly"),
     "repeated": (lambda: es.Grid([X, [0, 1, 1, 2]], J), "y: must be finite and strictly"),
@@ -165,7 +165,7 @@ TABLES: list[dict[str, Any]] = [
 @pytest.mark.parametrize("table", TABLES, ids=str)
 def test_tables_that_cannot_be_read_are_refused(table, folder):
     name = table.get("file", "ok.npz")
-    if name in FILES and isinstance(name, str):
+    if isinstance(name, str) and name in FILES:
         FILES[name](folder / name)
     with pytest.raises(es.InvalidDescription) as refused:
         es.Gridded({"file": "ok.npz", **table})  # pyright: ignore[reportArgumentType]
@@ -185,7 +185,7 @@ STEPS = st.lists(st.floats(0.2, 2), min_size=4, max_size=7)
 def test_products_of_cubics_are_reproduced(coefficients, across, along, seed):
     c = np.reshape(coefficients, (4, 4))
     axes = [np.cumsum(across) - 3, np.cumsum(along) - 3]
-    grid = es.Grid(axes, np.polynomial.polynomial.polygrid2d(*axes, c))
+    grid = es.Grid(axes, np.polynomial.polynomial.polygrid2d(axes[0], axes[1], c))
     rng = np.random.default_rng(seed)
     x, y = (rng.uniform(axis[0], axis[-1], 20) for axis in axes)
     expected = np.polynomial.polynomial.polyval2d(x, y, c)

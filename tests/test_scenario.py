@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from extremum import pi, s
-from extremum.papers import zhang2007
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import extremum as es
+from extremum import pi, s
+from extremum.papers import zhang2007
 
 AWKWARD = (0.1 + 0.2, 1 / 3, 5e-324, 2.2250738585072014e-308, 1e-5, 1e16, 2.0**53 + 2, 1e22, 0.0)
 NUMBERS = st.sampled_from([*AWKWARD, -0.0, 1.7976931348623157e308]) | st.floats(

@@ -13,6 +13,7 @@ import numpy as np
 import sympy
 from numpy.typing import ArrayLike, NDArray
 from sympy import Expr, Symbol
+from sympy.core.function import AppliedUndef
 
 from .description import Description, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
@@ -41,16 +42,24 @@ class Field(Description, abstract=True):
         return {}
 
     def at(self, *position: ArrayLike, time: ArrayLike = 0.0) -> NDArray[np.float64]:
-        """Return J at positions given as one array per axis (m), which broadcast."""
-        names = coordinates(len(position))
-        oracles = {
-            name: np.vectorize(oracle.function, otypes=[float])
-            for name, oracle in self.oracles().items()
-        }
-        law = sympy.lambdify([*names, t], self.law(names), [oracles, "numpy"], dummify=True)
+        """Return J at positions given as one array per axis (m), which broadcast.
+
+        NaN where the field has no value, such as outside a gridded field's data.
+        """
+        names, oracles = coordinates(len(position)), self.oracles()
+        law = self.law(names)
+        within = [
+            guard
+            for call in law.atoms(AppliedUndef)
+            for guard in oracles[call.func.__name__].guards(call.args)
+        ]
+        library = {n: np.vectorize(o.function, otypes=[float]) for n, o in oracles.items()}
+        evaluate = sympy.lambdify([*names, t], [law, *within], [library, "numpy"], dummify=True)
         arrays = np.broadcast_arrays(*(np.asarray(p, dtype=float) for p in (*position, time)))
         with np.errstate(all="ignore"):
-            return np.broadcast_to(law(*arrays), arrays[0].shape).astype(float)
+            values, *margins = (np.broadcast_to(e, arrays[0].shape) for e in evaluate(*arrays))
+        inside = np.logical_and.reduce([np.isfinite(values), *(m >= 0 for m in margins)])
+        return np.where(inside, values, np.nan)
 
 
 class _Peaked(Field, abstract=True):
@@ -301,7 +310,10 @@ class Opaque(Field):
         function = self.function
 
         def asked(*arguments: float) -> float:
-            return float(function(np.array(arguments[:-1]), arguments[-1]))
+            try:
+                return float(function(np.array(arguments[:-1]), arguments[-1]))
+            except Exception as error:
+                raise RuntimeError(f"the field's function failed: {error!r}") from error
 
         return {"f": Oracle(asked)}
 

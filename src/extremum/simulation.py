@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .engines import reference, taylor
-from .engines.trajectory import COMPLETED, Progress, Trajectory
+from .engines.trajectory import LEFT, UNDEFINED, Progress, Trajectory
 from .errors import InvalidDescription, shown
 from .extremes import extremes
 from .loop import Loop
@@ -76,19 +76,18 @@ def simulate(
     Raises
     ------
     InvalidDescription
-        If `t_end`, `samples`, `tol` or `engine` cannot be right, or the start lies outside a
-        gridded field's data.
+        If `t_end`, `samples`, `tol` or `engine` cannot be right, or the field has no value at the
+        start.
     """
     times = _times(loop, t_end, samples)
     if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
     system, values = loop.system, loop.values.tolist()
     name = _engine(system, engine)
-    _check_start(system, values)
+    start = _start(system, values)
     integrate = ENGINES[name].integrate
-    run, outputs = _cut(
-        system, values, integrate(system, values, times, tol=tol, progress=progress)
-    )
+    whole = integrate(system, values, times, tol=tol, state=start, progress=progress)
+    run, outputs = _cut(system, values, whole)
 
     def again(segment: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
         part = integrate(system, values, segment, tol=tol, state=state)
@@ -149,15 +148,24 @@ def _engine(system: System, engine: str | None) -> str:
     return engine
 
 
-def _check_start(system: System, values: list[float]) -> None:
-    if not system.guards:
-        return
-    state = system.start(values)
-    margin = min(system.function(system.guards, vector=False)(0.0, state, values))
-    if margin < 0:
+def _start(system: System, values: list[float]) -> list[float]:
+    try:
+        state = [float(x) for x in system.start(values)]
+        if system.guards:
+            margin = min(system.function(system.guards, vector=False)(0.0, state, values))
+            if margin < 0:
+                raise InvalidDescription(
+                    "start", f"lies {-margin:g} m outside the field's data; start inside"
+                )
+        outputs = system.evaluate(np.zeros(1), np.array([state]), values)
+        defined = all(np.isfinite(o).all() for o in (state, *outputs.values()))
+    except UNDEFINED:
+        defined, state = False, []
+    if not defined:
         raise InvalidDescription(
-            "start", f"lies {-margin:g} m outside the field's data; start inside"
+            "start", "the field has no finite value there; start where it has one"
         )
+    return state
 
 
 def _cut(
@@ -169,10 +177,8 @@ def _cut(
     if finite.all():
         return run, outputs
     count = int(np.argmin(finite))
-    outcome = run.outcome if run.outcome != COMPLETED else "left the data"
-    shorter = Trajectory(
-        run.times[:count], run.states[:count], outcome, run.end_time, run.end_state
-    )
+    times, states = run.times[:count], run.states[:count]
+    shorter = Trajectory(times, states, LEFT, float(times[-1]), states[-1])
     return shorter, {name: o[:count] for name, o in outputs.items()}
 
 

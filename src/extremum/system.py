@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 from sympy import Expr, Symbol
+from sympy.core.function import AppliedUndef
 
 from .description import Parameter
 from .symbols import substituted
@@ -34,6 +35,11 @@ class Oracle:
     function: Callable[..., float]
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
+
+    def guards(self, arguments: Sequence[Any]) -> list[Expr]:
+        """Return expressions of the arguments that are positive where the oracle is defined."""
+        bounds = zip(arguments, self.lower, self.upper, strict=False)
+        return [e for a, low, high in bounds for e in (a - sympy.Float(low), sympy.Float(high) - a)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +95,12 @@ class System:
     @cached_property
     def guards(self) -> tuple[Expr, ...]:
         """Expressions that stay positive while every oracle is asked where it is defined."""
-        guards: list[Expr] = []
-        for _, expression in self.signals:
-            for call in expression.atoms(sympy.core.function.AppliedUndef):
-                oracle = self.oracles[call.func.__name__]
-                for argument, low, high in zip(call.args, oracle.lower, oracle.upper, strict=False):
-                    inner = cast(Expr, argument)
-                    guards += [inner - sympy.Float(low), sympy.Float(high) - inner]
-        return tuple(guards)
+        return tuple(
+            guard
+            for _, expression in self.signals
+            for call in expression.atoms(AppliedUndef)
+            for guard in self.oracles[call.func.__name__].guards(call.args)
+        )
 
     def function(self, expressions: Sequence[Expr], *, vector: bool) -> Compiled:
         """Return a callable (t, state, values) → list of the expressions' values.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system import System
-from .trajectory import COMPLETED, LEFT, Progress, Trajectory, broken_off
+from .trajectory import COMPLETED, LEFT, UNDEFINED, Progress, Trajectory, broken_off
 
 STEPS_PER_PERIOD: Final = 20
 MIN_RTOL: Final = 3e-14
@@ -76,8 +76,8 @@ def _rates(system: System, values: list[float]) -> Callable[[float, NDArray[np.f
     def evaluate(time: float, state: NDArray[np.float64]) -> NDArray[np.float64]:
         try:
             return np.array(rates(time, state.tolist(), values), dtype=float)
-        except (OverflowError, ValueError, ZeroDivisionError, TypeError):
-            return broken  # outside a function's domain, or beyond the largest float
+        except UNDEFINED:
+            return broken
 
     return evaluate
 

@@ -19,6 +19,9 @@ LEFT: Final = "left the data"
 STEEP: Final = 1e8
 """A rate (per second) beyond which a run that broke off is an escape and not a domain's edge."""
 
+UNDEFINED: Final = (OverflowError, ValueError, ZeroDivisionError, TypeError)
+"""What evaluating on floats raises outside a function's domain or beyond the largest float."""
+
 Progress = Callable[[float], object]
 
 
@@ -51,6 +54,6 @@ def broken_off(system: System, time: float, state: Sequence[float], values: Sequ
         steep = not all(math.isfinite(rate) and abs(rate) < STEEP for rate in rates)
     except OverflowError:
         steep = True
-    except (ValueError, ZeroDivisionError, TypeError):
+    except UNDEFINED:
         steep = False
     return ESCAPED if steep else LEFT

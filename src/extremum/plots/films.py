@@ -60,16 +60,16 @@ def animate(
     path = Path(path)
     write = {".gif": _write_gif, ".mp4": _write_mp4}.get(path.suffix.lower())
     if write is None:
-        raise InvalidDescription("path", "must end in .gif or .mp4", shown(str(path)))
+        raise InvalidDescription("path", "must end in .gif or .mp4", shown(path.name))
     if write is _write_mp4 and not FFMpegWriter.isAvailable():
         raise InvalidDescription(
             "path",
             "needs the program ffmpeg, which is not installed here; install it (apt install "
             "ffmpeg, brew install ffmpeg), or write a .gif",
-            shown(str(path)),
+            shown(path.name),
         )
     if not path.parent.is_dir():
-        raise InvalidDescription("path", "lies in a folder that does not exist", shown(str(path)))
+        raise InvalidDescription("path", f"there is no folder {path.parent}", shown(path.name))
     for name, given in (("seconds", seconds), ("frames_per_second", frames_per_second)):
         if not 0 < given < np.inf:
             raise InvalidDescription(name, "must be a finite number greater than 0", shown(given))
@@ -118,14 +118,16 @@ def _write_gif(film: _Film, times: Array, path: Path, rate: int) -> None:
         return frame
 
     frames = map(indexed, times)
-    next(frames).save(
-        path,
-        save_all=True,
-        append_images=frames,
-        duration=round(1000 / rate),
-        loop=0,
-        optimize=True,
-    )
+    with path.open("wb") as file:
+        next(frames).save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=frames,
+            duration=round(1000 / rate),
+            loop=0,
+            optimize=True,
+        )
 
 
 def _commonest_first(picture: Image.Image) -> list[tuple[int, ...]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, cast
 import numpy as np
 
 from ..fields import Field
-from .scenes import Array, Interval, Scene, early_end, label, padded, sampled, span, unit_of
+from .scenes import Array, Interval, Scene, early_end, label, padded, span, unit_of
 
 if TYPE_CHECKING:
     import xarray
@@ -61,13 +61,15 @@ def stage(figure: Figure, place: Any, scene: Scene) -> Axes:
         space.set_box_aspect(widths if equal else None, zoom=0.9)
         space.locator_params(nbins=4)
         dress(space, scene.labels, scene.limits)
-        space.tick_params(pad=0)
+        space.tick_params(pad=2)
         for axis in (space.xaxis, space.yaxis, space.zaxis):
             axis.labelpad = 4
         return space
     axes = figure.add_subplot(place)
     dress(axes, scene.labels, scene.limits)
     axes.locator_params(nbins=6)
+    if equal:
+        axes.locator_params(axis="x", nbins=max(3, round(6 * min(1.0, widths[0] / widths[1]))))
     axes.set_aspect("equal" if equal else "auto")
     return axes
 
@@ -159,7 +161,7 @@ def ground(scene: Scene, field: Field | None, time: float) -> list[Array]:
         return []
     lines = [np.linspace(low, high, 121) for low, high in scene.limits]
     mesh = lines[:1] if scene.kind == "profile" else np.meshgrid(*lines)
-    return [*mesh, sampled(field, mesh, time)]
+    return [*mesh, field.at(*mesh, time=time)]
 
 
 def levels(grounds: list[list[Array]]) -> Array | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 import sympy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InvalidDescription
 from ..fields import Field
@@ -98,21 +98,6 @@ def field_of(run: xarray.Dataset) -> Field | None:
 def is_still(field: Field, dimension: int) -> bool:
     """Return whether J does not depend on time."""
     return t not in field.law(coordinates(dimension)).free_symbols
-
-
-def sampled(field: Field, mesh: Sequence[ArrayLike], time: float) -> Array:
-    """Return J on the mesh, NaN where a gridded field has no data."""
-    names, oracles = coordinates(len(mesh)), field.oracles()
-    points = np.broadcast_arrays(*(np.asarray(p, dtype=float) for p in mesh))
-    inside = np.ones(points[0].shape, dtype=bool)
-    for call in field.law(names).atoms(sympy.core.function.AppliedUndef):
-        oracle = oracles[call.func.__name__]
-        for argument, low, high in zip(call.args, oracle.lower, oracle.upper, strict=False):
-            place = sympy.lambdify([*names, t], argument, "numpy")(*points, time)
-            inside &= (place >= low) & (place <= high)
-    values = np.full(inside.shape, np.nan)
-    values[inside] = field.at(*(p[inside] for p in points), time=time)
-    return np.where(np.isfinite(values), values, np.nan)
 
 
 def early_end(run: xarray.Dataset) -> str:
