@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from . import plots
 from .controllers import Channel, Controller, Dither, Excitation, GradientES, Probe, Reference
-from .description import Parameter
 from .errors import InvalidDescription
 from .fields import (
     Expression,
@@ -37,6 +36,7 @@ from .fields import (
 from .gridded import Grid, Gridded
 from .loop import AtRest, InState, Loop, OnDither, Start
 from .lti import Lead, Rational, Transfer, TransferFunction
+from .parameters import Parameter
 from .paths import Along, Circle, FigureEight, Line, Path
 from .scenario import Run, Scenario, View, format_scenario, load_scenario, parse_scenario
 from .simulation import simulate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import numbers
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -10,11 +11,11 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
-from .description import Description, as_fraction, part, value
+from .description import Description, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown
 from .lti import Transfer, TransferFunction, at_frequency, ratio, transfer
-from .symbols import axis_names, is_quarter_turn, plain, s, t
+from .symbols import axis_names, is_quarter_turn, parse_number, plain, s, t
 
 
 def _is_none(given: Any) -> bool:
@@ -99,6 +100,22 @@ def _as_reference(given: Any) -> Any:
     return Reference(given)
 
 
+def _as_fraction(given: Any) -> Any:
+    """Return integers and fractions ("2/3") as `Fraction`, floats as they are."""
+    if isinstance(given, bool):
+        return given
+    if isinstance(given, numbers.Rational):
+        return Fraction(int(given.numerator), int(given.denominator))
+    if isinstance(given, sympy.Rational):
+        return Fraction(int(given.p), int(given.q))
+    if isinstance(given, str):
+        try:
+            return Fraction(given)
+        except (ValueError, ZeroDivisionError):
+            return parse_number(given)
+    return given
+
+
 class Channel(Description):
     """One axis of the controller: input = probe(t) + C(s)[gain · ξ · reference(t)].
 
@@ -134,7 +151,7 @@ class Channel(Description):
         "its frequency over the base frequency",
         default=Fraction(1),
         positive=True,
-        converter=as_fraction,
+        converter=_as_fraction,
         literal=lambda given: isinstance(given, Fraction),
     )
 

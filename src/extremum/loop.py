@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
 from .controllers import Controller
-from .description import Description, flatten, part, symbolic, value
+from .description import Description, flatten, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
+from .parameters import symbolic
 from .symbols import axis_names, coordinates, plain
 from .system import System
 from .vehicles import Vehicle

@@ -13,7 +13,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from .description import Description, Meta, Table, declarations, part, structure, value
+from .declarations import Meta, Table
+from .description import Description, declarations, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
 from .gridded import Grid
 from .loop import InState, Loop

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sympy import Expr, Symbol
 from sympy.core.function import AppliedUndef
 
-from .description import Parameter
+from .parameters import Parameter
 from .symbols import substituted
 from .symbols import t as time
 
