@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import extremum as es
 from extremum import s
-from extremum.lti import at_frequency, ratio, realise, response_parts, transfer
+from extremum.lti import realise, transfer
+from extremum.rational import at_frequency, ratio, response_parts
 
 OMEGAS = (0.1357, 0.7123, 1.1234, 5.4321, 40.123)  # no poles of the examples below
 coefficient = st.integers(-40, 40).map(lambda n: n / 8)
@@ -124,7 +125,8 @@ def test_state_responses_solve_the_state_equation(
     block = realise(law, sympy.Integer(0), states)
     omega = 1.3
     expected = np.linalg.solve(1j * omega * np.eye(len(a)) - a, b)[:, 0]
-    ours = [complex(r.subs(s, sympy.I * omega)) for r in block.response]
+    responses: Any = block.response
+    ours = [complex(r.subs(s, sympy.I * omega)) for r in responses]
     assert ours == pytest.approx(list(expected), rel=1e-8, abs=1e-8)
 
 

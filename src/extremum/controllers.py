@@ -14,8 +14,10 @@ from sympy import Expr, Symbol
 from .description import Description, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown
-from .lti import Transfer, TransferFunction, at_frequency, ratio, transfer
-from .symbols import axis_names, is_quarter_turn, parse_number, plain, s, t
+from .lti import Transfer, TransferFunction, transfer
+from .rational import at_frequency, ratio
+from .symbols import axis_names, is_quarter_turn, parse, parse_number, plain, s, t
+from .validation import number
 
 
 def _is_none(given: Any) -> bool:
@@ -101,19 +103,15 @@ def _as_reference(given: Any) -> Any:
 
 
 def _as_fraction(given: Any) -> Any:
-    """Return integers and fractions ("2/3") as `Fraction`, floats as they are."""
-    if isinstance(given, bool):
-        return given
-    if isinstance(given, numbers.Rational):
-        return Fraction(int(given.numerator), int(given.denominator))
-    if isinstance(given, sympy.Rational):
-        return Fraction(int(given.p), int(given.q))
+    """Return integers, fractions and texts of them ("2/3") as `Fraction`, floats as they are."""
     if isinstance(given, str):
-        try:
-            return Fraction(given)
-        except (ValueError, ZeroDivisionError):
-            return parse_number(given)
-    return given
+        read = parse(given, {})
+        given = read if isinstance(read, sympy.Rational) else parse_number(given)
+    if isinstance(given, bool) or not isinstance(given, numbers.Rational | sympy.Rational):
+        return given
+    number(given)
+    numerator, denominator = sympy.fraction(given)
+    return Fraction(int(numerator), int(denominator))
 
 
 class Channel(Description):

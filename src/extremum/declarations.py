@@ -35,6 +35,7 @@ def value(
     positive: bool = False,
     literal: Callable[[Any], bool] | None = None,
     converter: Callable[[Any], Any] | None = None,
+    role: type | None = None,
 ) -> Any:
     """Declare a number, or a tuple of numbers, that is a parameter of the equations.
 
@@ -54,8 +55,10 @@ def value(
         Says which values are structure rather than numbers (``"signal"``, None, a quarter turn).
     converter
         Makes what a user may write into the stored value, before validation.
+    role
+        The class of description that may stand instead of numbers.
     """
-    meta = Meta("value", symbol, unit, shape, positive, False, literal, converter, doc=doc)
+    meta = Meta("value", symbol, unit, shape, positive, False, literal, converter, role, doc=doc)
     return dataclasses.field(default=default, metadata={"extremum": meta})
 
 

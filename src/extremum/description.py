@@ -87,6 +87,9 @@ class Description:
             raise InvalidDescription(
                 "", f"replace takes a mapping of dotted paths to values, got {shown(changes)}"
             )
+        for path in changes:
+            if not isinstance(path, str):
+                raise InvalidDescription("", f"a dotted path must be text, got {shown(path)}")
         return _changed(self, {tuple(path.split(".")): new for path, new in changes.items()})
 
 
@@ -140,17 +143,7 @@ def _changed(item: Any, changes: Mapping[tuple[str, ...], Any], meta: Meta | Non
         }
         return type(item)(**{name: getattr(item, name) for name in known} | updates)
     if isinstance(item, tuple):
-        entries = list(item)
-        mirrored = meta is not None and meta.kind == "value" and is_matrix(item, meta)
-        if mirrored:
-            changes = {**{path[::-1]: new for path, new in changes.items()}, **changes}
-        known_indices = {str(i): None for i in range(len(entries))}
-        for name, inner in _grouped(changes).items():
-            old = entries[int(name)] if name in known_indices else None
-            entry_meta = dataclasses.replace(meta, shape="vector") if mirrored and meta else meta
-            new = _within(name, old, inner, known_indices, entry_meta)
-            entries[int(name)] = new
-        return tuple(entries)
+        return _entries_changed(item, changes, meta)
     if isinstance(item, Table):
         updates = {
             name: _within(name, item.get(name), inner, item, meta)
@@ -158,6 +151,23 @@ def _changed(item: Any, changes: Mapping[tuple[str, ...], Any], meta: Meta | Non
         }
         return Table({**item, **updates})
     raise InvalidDescription(next(iter(changes))[0], f"{shown(item)} has no parts")
+
+
+def _entries_changed(
+    item: tuple[Any, ...], changes: Mapping[tuple[str, ...], Any], meta: Meta | None
+) -> tuple[Any, ...]:
+    entries = list(item)
+    known: dict[str, None] = {str(i): None for i in range(len(entries))}
+    if meta is not None and meta.kind == "value" and is_matrix(item, meta):
+        pairs = {path: new for path, new in changes.items() if len(path) == 2}
+        inside = {path: new for path, new in pairs.items() if set(path) <= set(known)}
+        changes = {**{path[::-1]: new for path, new in inside.items()}, **changes}
+        meta = dataclasses.replace(meta, shape="vector")
+    for name, inner in _grouped(changes).items():
+        old = entries[int(name)] if name in known else None
+        changed = _within(name, old, inner, known, meta)
+        entries[int(name)] = changed
+    return tuple(entries)
 
 
 def _within(

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import sympy
 from sympy import Expr, Symbol
 
-from .lti import realise, response_parts
+from .lti import realise
+from .rational import response_parts
 from .symbols import cosine, sine, t
 
 

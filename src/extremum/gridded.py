@@ -44,6 +44,8 @@ class Grid:
     def __init__(
         self, axes: Sequence[Any], values: Any, origin: Mapping[str, Any] | None = None
     ) -> None:
+        if isinstance(axes, str) or not hasattr(axes, "__len__") or not len(axes):
+            raise InvalidDescription("axes", "must be one array per coordinate", shown(axes))
         lines = [_numbers(axis, f"axes.{i}", 1) for i, axis in enumerate(axes)]
         table = _numbers(values, "values", len(lines))
         for index, line in enumerate(lines):
@@ -116,6 +118,15 @@ class Gridded(Field):
 
     grid: Grid = structure("the data: numbers, or a file", converter=lambda given: as_grid(given))
 
+    def check(self) -> None:
+        """Refuse data whose interpolation overflows."""
+        try:
+            self.grid.spline  # noqa: B018
+        except (ValueError, np.linalg.LinAlgError):
+            raise InvalidDescription(
+                "grid", "its numbers are too large or too close together to be interpolated"
+            ) from None
+
     def dimension(self) -> int:
         """Return the number of axes."""
         return len(self.grid.axes)
@@ -177,10 +188,11 @@ def read_grid(table: Mapping[str, Any]) -> Grid:
         raise InvalidDescription("file", "must end in .nc, .npz or .csv", shown(table["file"]))
     try:
         axes, values = reader(path, table)
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        if isinstance(error, InvalidDescription):
-            raise
-        raise InvalidDescription("file", f"cannot be read: {error}", shown(str(path))) from None
+    except InvalidDescription:
+        raise
+    except Exception as error:  # a broken file may raise anything that its reader knows
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InvalidDescription("file", f"cannot be read: {reason}", shown(str(path))) from None
     origin = {key: item for key, item in table.items() if key != "digest"}
     grid = Grid(axes, values, origin)
     if table.get("digest", grid.digest) != grid.digest:
@@ -216,7 +228,7 @@ def _located(file: Any) -> Path:
 
 
 def _read_npz(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
-    with np.load(path, allow_pickle=False) as archive:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
     names = [name for name, array in arrays.items() if array.ndim > 1]
     variable = _variable(table, names)
@@ -226,8 +238,8 @@ def _read_npz(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
     if "spacing" in table:
         return _spaced(table["spacing"], values)
     wanted = table.get("coordinates", list(axis_names(values.ndim)))
-    missing = [name for name in wanted if name not in arrays]
-    if missing or len(wanted) != values.ndim:
+    listed = isinstance(wanted, list | tuple) and len(wanted) == values.ndim
+    if not listed or not all(isinstance(name, str) and name in arrays for name in wanted):
         raise InvalidDescription(
             "coordinates",
             f"must name {values.ndim} arrays of the file ({', '.join(sorted(arrays))}), or give "
@@ -238,9 +250,10 @@ def _read_npz(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
 
 
 def _spaced(spacing: Any, values: NDArray[Any]) -> tuple[list[Any], Any]:
-    if not isinstance(spacing, list | tuple) or len(spacing) != values.ndim or 0 in spacing:
+    good = isinstance(spacing, list | tuple) and len(spacing) == values.ndim
+    if not good or not all(isinstance(d, int | float) and d and np.isfinite(d) for d in spacing):
         raise InvalidDescription(
-            "spacing", f"must be {values.ndim} numbers other than 0", shown(spacing)
+            "spacing", f"must be {values.ndim} finite numbers other than 0", shown(spacing)
         )
     axes = []
     for index, step in enumerate(spacing):
@@ -250,7 +263,11 @@ def _spaced(spacing: Any, values: NDArray[Any]) -> tuple[list[Any], Any]:
 
 
 def _read_csv(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
-    rows = np.genfromtxt(path, delimiter=",", names=True, ndmin=1)
+    with path.open(encoding="utf-8-sig") as file:
+        if not file.readline().strip():
+            raise InvalidDescription("file", "is empty", shown(str(path)))
+        file.seek(0)
+        rows = np.genfromtxt(file, delimiter=",", names=True, ndmin=1)
     if rows.dtype.names is None:
         raise InvalidDescription("file", "must begin with a header x,y,…,value", shown(str(path)))
     columns = list(rows.dtype.names)
@@ -309,16 +326,21 @@ def _variable(table: Mapping[str, Any], names: list[str]) -> str:
 def _dims(table: Mapping[str, Any], count: int) -> list[str]:
     names = axis_names(count)
     dims = table.get("dims", list(names))
-    if not isinstance(dims, list | tuple) or sorted(dims) != sorted(names):
+    if not isinstance(dims, list | tuple) or sorted(map(str, dims)) != sorted(names):
         raise InvalidDescription("dims", f"must be {', '.join(names)} in some order", shown(dims))
     return list(dims)
 
 
 def _numbers(given: Any, path: str, dimensions: int) -> NDArray[np.float64]:
     try:
-        array = np.array(given, dtype=float)
+        raw = np.asarray(given)
+        if raw.dtype.kind not in "biuf" and not (raw.dtype.kind == "O" and raw.size == 0):
+            raise TypeError
+        array = raw.astype(float)
     except (ValueError, TypeError):
-        raise InvalidDescription(path, "must be an array of numbers", shown(given)) from None
+        raise InvalidDescription(
+            path, "must be an array of real numbers", " ".join(shown(given).split())
+        ) from None
     if array.ndim != dimensions:
         raise InvalidDescription(path, f"must have {dimensions} dimension(s), it has {array.ndim}")
     return array

@@ -130,6 +130,7 @@ class Loop(Description):
         "position at t = 0, or a Start",
         shape="vector",
         converter=_as_start,
+        role=Start,
         literal=lambda given: isinstance(given, Start),
     )
 

@@ -18,7 +18,8 @@ from .description import Description, declarations, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
 from .gridded import Grid
 from .loop import InState, Loop
-from .lti import Transfer
+from .lti import Transfer, transfer
+from .validation import number
 
 
 def _none(given: Any) -> bool:
@@ -49,10 +50,13 @@ class Run(Description):
 
 
 def _interval(given: Any, path: str) -> tuple[float, float]:
+    if isinstance(given, str | Mapping):
+        raise InvalidDescription(path, "must be two numbers, low and high", shown(given))
     try:
-        low, high = (float(v) for v in given)
+        low, high = (number(v) for v in list(given))
     except (TypeError, ValueError):
-        raise InvalidDescription(path, "must be two numbers, low and high", shown(given)) from None
+        reason = "must be two finite numbers, low and high"
+        raise InvalidDescription(path, reason, shown(given)) from None
     if not low < high:
         raise InvalidDescription(path, "must be low, high with low < high", shown(given))
     return low, high
@@ -162,11 +166,12 @@ def load_scenario(path: Path | str) -> Scenario:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidDescription("", f"{path} is not text (UTF-8)") from None
-    except OSError as error:
-        raise InvalidDescription("", f"cannot read {path}: {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InvalidDescription("", f"cannot read {path}: {reason}") from None
     return parse_scenario(text, path.parent)
 
 
@@ -235,7 +240,7 @@ class _Reader:
             return [self.part(item, meta, f"{path}.{i}") for i, item in enumerate(given)]
         if meta.kind == "part":
             return self.part(given, meta, path)
-        if isinstance(given, Mapping) and meta.shape != "table":
+        if isinstance(given, Mapping) and meta.shape != "table" and meta.role is not None:
             return self.part(given, meta, path)
         return given
 
@@ -252,9 +257,9 @@ class _Reader:
         }
         if name is None and len(choices) == 1:
             return self.build(next(iter(choices.values())), given, path)
-        if name is None and meta.role is None:
+        if name is None and meta.kind == "value":
             return given
-        if name not in choices:
+        if not isinstance(name, str) or name not in choices:
             reason = "is missing" if name is None else "there is no such type"
             hint = suggestion(str(name or ""), choices)
             raise InvalidDescription(
@@ -280,12 +285,21 @@ def _entries(description: Description) -> dict[str, Any]:
     return {
         name: _written(getattr(description, name), meta)
         for name, meta in declarations(cls).items()
-        if getattr(description, name) != _default(cls, name)
+        if repr(getattr(description, name)) != repr(_default(cls, name))  # 1.0 is not Fraction(1)
     }
 
 
+def _is_faithful(item: Transfer) -> bool:
+    """Return whether its text states it: not with common factors, a gain of 0 or beyond 1e±300."""
+    text = item.text()
+    try:
+        return text is not None and transfer(text) == item
+    except InvalidDescription:
+        return False
+
+
 def _written(item: Any, meta: Meta | None) -> Any:
-    if isinstance(item, Transfer) and item.text() is not None:
+    if isinstance(item, Transfer) and _is_faithful(item):
         return item.text()
     if isinstance(item, InState):
         return dict(item.states)

@@ -159,6 +159,8 @@ def _start(system: System, values: list[float]) -> list[float]:
                 )
         outputs = system.evaluate(np.zeros(1), np.array([state]), values)
         defined = all(np.isfinite(o).all() for o in (state, *outputs.values()))
+    except InvalidDescription:
+        raise
     except UNDEFINED:
         defined, state = False, []
     if not defined:

@@ -78,7 +78,7 @@ def substituted(expression: Expr, table: Mapping[Any, Any]) -> Expr:
 
 def quarter_turns(phase: object) -> int | None:
     """Return k in 0 … 3 if `phase` is the float nearest to kπ/2 (mod 2π), else None."""
-    if not isinstance(phase, float):
+    if not isinstance(phase, float) or not math.isfinite(phase):
         return None
     turns = round(phase / (math.pi / 2))
     return turns % 4 if abs(turns) <= 8 and phase == turns * (math.pi / 2) else None
@@ -136,7 +136,17 @@ def parse(text: str, names: Mapping[str, Expr]) -> Expr:
         column = getattr(error, "offset", None)
         at = f" at column {column}" if column else ""
         raise _refusal(text, f"it is not a mathematical expression{at}") from None
-    return _Reader(text, names).read(tree.body, 0)
+    return _whitelisted(_Reader(text, names).read(tree.body, 0), text)
+
+
+def _whitelisted(value: Expr, text: str) -> Expr:
+    """Refuse what SymPy's automatic simplification has made of functions that engines have."""
+    value = cast(Expr, value.replace(sympy.cot, lambda angle: 1 / tan(angle)))  # tan(x + π/2)
+    if value.has(sympy.I, sympy.zoo, sympy.oo, sympy.nan):
+        raise _refusal(text, "a part of it is not a finite real number")
+    for call in value.atoms(sympy.Abs):
+        raise _refusal(text, f"it is |{call.args[0]}|, which has a corner; write a smooth function")
+    return value
 
 
 def parse_number(text: str) -> float:
@@ -150,6 +160,14 @@ def parse_number(text: str) -> float:
 
 def _refusal(text: str, reason: str) -> InvalidDescription:
     return InvalidDescription("", reason, shown(text))
+
+
+def _continues(inner: ast.expr, outer: ast.BinOp) -> bool:
+    """Return whether `inner` is the beginning of the same sum or product."""
+    if not isinstance(inner, ast.BinOp):
+        return False
+    kinds = (ast.Add | ast.Sub, ast.Mult | ast.Div)
+    return any(isinstance(inner.op, kind) and isinstance(outer.op, kind) for kind in kinds)
 
 
 class _Reader:
@@ -173,8 +191,14 @@ class _Reader:
             operand = self.read(node.operand, depth + 1)
             return -operand if isinstance(node.op, ast.USub) else operand
         if isinstance(node, ast.BinOp):
-            left, right = self.read(node.left, depth + 1), self.read(node.right, depth + 1)
-            return self.bounded(self.operate(node, left, right), node)
+            chain = [node]  # a long sum is read in a loop: it is not deep
+            while _continues(chain[-1].left, chain[-1]):
+                chain.append(cast(ast.BinOp, chain[-1].left))
+            value = self.read(chain[-1].left, depth + 1)
+            for link in reversed(chain):
+                right = self.read(link.right, depth + 1)
+                value = self.bounded(self.operate(link, value, right), link)
+            return value
         if isinstance(node, ast.Call):
             return self.bounded(self.call(node, depth), node)
         if isinstance(node, ast.Attribute):
@@ -188,6 +212,8 @@ class _Reader:
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refuse(f"{shown(value)} is not a number", node)
+        if isinstance(value, int) and value > 10**MAX_DECADES:
+            raise self.refuse(f"a number beyond 1e±{MAX_DECADES} is not read", node)
         if value and not math.isfinite(value):
             raise self.refuse(f"{value} is not finite", node)
         if value and abs(math.log10(abs(value))) > MAX_DECADES:

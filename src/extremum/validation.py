@@ -18,8 +18,8 @@ def accept(given: Any, meta: Meta, classes: Mapping[str, type]) -> Any:
     """Return what a field stores for what was given; `classes` are those known by name."""
     if meta.converter is not None:
         given = meta.converter(given)
-    if meta.literal is not None and meta.literal(given):
-        return given
+    if meta.literal is not None and meta.shape != "coefficients" and meta.literal(given):
+        return float(given) if type(given) is int else given
     if meta.kind == "value":
         return _SHAPES[meta.shape](given, meta)
     if meta.kind == "part":
@@ -52,7 +52,9 @@ def _article(role: type, classes: Mapping[str, type]) -> str:
     known = sorted(
         name for name, cls in classes.items() if issubclass(cls, role) and not name.startswith("_")
     )
-    return f"a {role.__name__}" + (f" ({', '.join(known)})" if known != [role.__name__] else "")
+    article = "an" if role.__name__[0] in "AEIOU" else "a"
+    kinds = f" ({', '.join(known)})" if known != [role.__name__] else ""
+    return f"{article} {role.__name__}{kinds}"
 
 
 def number(given: Any) -> float:
@@ -142,6 +144,8 @@ def _table(given: Any, meta: Meta) -> Table:
 
 
 def _coefficients(given: Any, meta: Meta) -> tuple[float, ...]:
+    if not _is_sequence(given):
+        raise InvalidDescription("", "must be a tuple of numbers", shown(given))
     return _vector(given, meta) if len(given) else ()
 
 

@@ -16,7 +16,8 @@ from sympy import Expr, Symbol
 from .description import Description, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown
-from .lti import Transfer, has_derivative_states, ratio, realise, response_parts, transfer
+from .lti import Transfer, realise, transfer
+from .rational import ratio, response_parts
 from .symbols import axis_names, cosine, sine
 
 
@@ -128,7 +129,7 @@ class PointMass(Vehicle):
     def input_names(self) -> tuple[str, ...]:
         """Return v_x for a first-order axis, as in the paper's Figs. 1 and 3, otherwise u_x."""
         return tuple(
-            f"{'v' if ratio(axis.law()).order == 1 else 'u'}_{name}"
+            f"{'v' if axis.form.order == 1 else 'u'}_{name}"
             for axis, name in zip(self.axes, axis_names(len(self.axes)), strict=True)
         )
 
@@ -144,8 +145,8 @@ class PointMass(Vehicle):
     def _states(self) -> list[tuple[list[str], list[str]]]:
         states = []
         for axis, name in zip(self.axes, axis_names(len(self.axes)), strict=True):
-            order = ratio(axis.law()).order
-            if has_derivative_states(axis.law()):
+            order = axis.form.order
+            if axis.form.numerator_degree == 0:
                 names = [name, f"v_{name}", f"a_{name}"][:order]
                 names += [f"{name}_d{i}" for i in range(3, order)]
             else:

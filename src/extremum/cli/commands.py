@@ -48,15 +48,15 @@ def paper(options: argparse.Namespace) -> int:
     folder = Path(options.output)
     if folder.exists() and not folder.is_dir():
         raise InvalidDescription("", f"{folder} is a file; -o names the folder to write into")
+    endings = {"data": ".nc", "plot": ".png", "scenario": ".toml"}
+    outputs = {
+        name: Files({key: folder / f"{name}{end}" for key, end in endings.items()}, options.force)
+        for name in names
+    }
     folder.mkdir(parents=True, exist_ok=True)
     status = 0
     for name, source in sources.items():
-        wanted = {
-            "data": folder / f"{name}.nc",
-            "plot": folder / f"{name}.png",
-            "scenario": folder / f"{name}.toml",
-        }
-        with Files(wanted, options.force) as files:
+        with outputs[name] as files:
             status = max(status, _simulated(zhang2007.scenario(name), files))
             files["scenario"].write_bytes(source.read_bytes())
             files.commit()
@@ -78,8 +78,8 @@ def _load(path: str) -> Scenario:
     try:
         return load_scenario(path)
     except InvalidDescription as error:
-        if Path(path).is_file():
-            raise error.within("") if not error.path else _in_file(error, path) from None
+        if "\0" not in path and Path(path).is_file():
+            raise _in_file(error, path) from None
         if path in zhang2007.NAMES:
             hint = f"{path} is a scenario of the paper: extremum paper {path}"
             raise InvalidDescription("", f"there is no file {path}; {hint}") from None
@@ -88,6 +88,9 @@ def _load(path: str) -> Scenario:
 
 def _in_file(error: InvalidDescription, path: str) -> InvalidDescription:
     shown = f" = {error.value}" if error.value else ""
+    if not error.path:
+        told = error.reason.startswith((path, f"cannot read {path}"))
+        return error if told else InvalidDescription("", f"{path}: {error.reason}")
     return InvalidDescription("", f"{path}: {error.path}{shown}: {error.reason}")
 
 

@@ -77,6 +77,8 @@ def integrate(
             outcome = str(status)
             break
     states = reached[0] if len(reached) == 1 else np.concatenate(reached)
+    if not len(states):  # the very first step overflows
+        states = np.array([start], dtype=float)
     count = len(states)
     if outcome == COMPLETED:
         return Trajectory(times, states, COMPLETED, float(times[-1]), states[-1])
