@@ -43,12 +43,13 @@ def extremes(
         for sign in (-1.0, 1.0)
     ]
     around = _around(system, values, run, {index for *_, index in wanted}, again)
+    columns = [sign * around[index][name][:, c] for name, c, sign, index in wanted]
+    sampled = [sign * outputs[name][index, c] for name, c, sign, index in wanted]
+    with np.errstate(all="ignore"):  # near an escape the square of a difference overflows
+        refined = _peaks(_TO_GRID @ np.stack(columns, axis=1))
+    peaks = np.fmax(sampled, np.where(np.isfinite(refined), refined, -np.inf))
     found: dict[tuple[str, float], list[float]] = {}
-    for name, component, sign, index in wanted:
-        sampled = sign * outputs[name][index, component]
-        with np.errstate(all="ignore"):  # near an escape the square of a difference overflows
-            refined = _peak(_TO_GRID @ (sign * around[index][name][:, component]))
-        peak = max(sampled, refined) if np.isfinite(refined) else sampled
+    for (name, _, sign, _), peak in zip(wanted, peaks.tolist(), strict=True):
         found.setdefault((name, sign), []).append(sign * peak)
     return {name: (np.array(found[name, -1.0]), np.array(found[name, 1.0])) for name in outputs}
 
@@ -72,11 +73,12 @@ def _around(
     }
 
 
-def _peak(fine: NDArray[np.float64]) -> float:
-    """Return the maximum of a function on a fine grid, by the parabola through its top."""
-    top = int(np.argmax(fine))
-    if not 0 < top < len(fine) - 1:
-        return float(fine[top])
-    left, middle, right = fine[top - 1 : top + 2]
+def _peaks(fine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the maximum of each column on the fine grid, by the parabola through its top."""
+    columns = np.arange(fine.shape[1])
+    top = np.argmax(fine, axis=0)
+    inner = np.clip(top, 1, len(fine) - 2)
+    left, middle, right = (fine[inner + step, columns] for step in (-1, 0, 1))
     bend = left - 2 * middle + right
-    return float(middle - (right - left) ** 2 / (8 * bend)) if bend < 0 else float(middle)
+    vertex = middle - (right - left) ** 2 / (8 * np.where(bend < 0, bend, -1.0))
+    return np.where((inner == top) & (bend < 0), vertex, fine[top, columns])

@@ -150,7 +150,8 @@ class Loop(Description):
                 "field", f"has {wanted} coordinates, the vehicle moves in {axes}; they must agree"
             )
         self._check_start(axes)
-        self._check_field(axes)
+        if wanted is None:
+            self._check_field(axes)
         self._check_probes()
 
     def _check_start(self, axes: int) -> None:

@@ -56,6 +56,7 @@ def ratio(expression: Expr) -> Ratio:
     return Ratio(tuple(num), tuple(den))
 
 
+@lru_cache(maxsize=512)
 def at_frequency(expression: Expr, frequency: float) -> complex:
     """Return G(jω) at ω = `frequency` (rad/s) for an expression without free parameters."""
     form = ratio(expression)

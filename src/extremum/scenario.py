@@ -10,6 +10,7 @@ import dataclasses
 import tomllib
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -224,7 +225,7 @@ class _Reader:
             where = ".".join(filter(None, (path, name)))
             if name in table:
                 entries[name] = self.entry(table[name], meta, where)
-            elif _default(cls, name) is dataclasses.MISSING:
+            elif _defaults(cls)[name] is dataclasses.MISSING:
                 raise InvalidDescription(where, f"is missing ({meta.doc})")
         try:
             return cls(**entries)
@@ -273,22 +274,25 @@ class _Reader:
         return str(self.folder / file)
 
 
-def _default(cls: type[Description], name: str) -> Any:
-    return next(f.default for f in dataclasses.fields(cls) if f.name == name)  # pyright: ignore[reportArgumentType]
+@cache
+def _defaults(cls: type[Description]) -> dict[str, Any]:
+    return {field.name: field.default for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType]
 
 
 # --- writing ----------------------------------------------------------------------------------
 
 
 def _entries(description: Description) -> dict[str, Any]:
-    cls = type(description)
-    return {
-        name: _written(getattr(description, name), meta)
-        for name, meta in declarations(cls).items()
-        if repr(getattr(description, name)) != repr(_default(cls, name))  # 1.0 is not Fraction(1)
-    }
+    defaults = _defaults(type(description))
+    entries = {}
+    for name, meta in declarations(type(description)).items():
+        item, default = getattr(description, name), defaults[name]
+        if item != default or type(item) is not type(default):  # 1.0 == Fraction(1)
+            entries[name] = _written(item, meta)
+    return entries
 
 
+@lru_cache(maxsize=512)
 def _is_faithful(item: Transfer) -> bool:
     """Return whether its text states it: not with common factors, a gain of 0 or beyond 1e±300."""
     text = item.text()

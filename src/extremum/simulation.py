@@ -94,7 +94,8 @@ def simulate(
         padding = len(segment) - len(part.states)
         return np.concatenate([part.states, np.repeat(part.states[-1:], padding, axis=0)])
 
-    bounds = extremes(system, values, run, outputs, again)
+    judged = {name: outputs[name] for name in ("position", "J", "input")}
+    bounds = extremes(system, values, run, judged, again)
     dataset = _dataset(system, run, outputs, bounds)
     dataset.attrs |= {
         "title": title,
@@ -175,9 +176,9 @@ def _cut(
 ) -> tuple[Trajectory, dict[str, NDArray[np.float64]]]:
     """Return the run up to where every output is finite, and the outputs."""
     outputs = system.evaluate(run.times, run.states, values)
-    finite = np.logical_and.reduce([np.isfinite(o).all(axis=1) for o in outputs.values()])
-    if finite.all():
+    if all(np.isfinite(o).all() for o in outputs.values()):
         return run, outputs
+    finite = np.logical_and.reduce([np.isfinite(o).all(axis=1) for o in outputs.values()])
     count = int(np.argmin(finite))
     times, states = run.times[:count], run.states[:count]
     shorter = Trajectory(times, states, LEFT, float(times[-1]), states[-1])
@@ -203,20 +204,22 @@ def _dataset(
         ),
         "source": ("m", "source", {}),
     }
-    variables: dict[str, Any] = {}
+    variables: dict[str, xarray.Variable] = {}
     for name, (unit, long_name, more) in described.items():
         if name in outputs:
-            low, high = bounds[name]
             column, dims = outputs[name], ("time", "axis")
+            attrs: dict[str, Any] = {"units": unit, "long_name": long_name, **more}
+            if name in bounds:
+                attrs["min"], attrs["max"] = bounds[name]
             if name == "J":
-                column, dims, low, high = column[:, 0], ("time",), low[0], high[0]
-            attrs = {"units": unit, "long_name": long_name, "min": low, "max": high, **more}
-            variables[name] = (dims, column, attrs)
-    for index, symbol in enumerate(system.states):
+                column, dims = column[:, 0], ("time",)
+                attrs["min"], attrs["max"] = attrs["min"][0], attrs["max"][0]
+            variables[name] = xarray.Variable(dims, column, attrs, fastpath=True)
+    for symbol, state in zip(system.states, run.states.T, strict=True):
         attrs = {"units": system.units[symbol], "long_name": f"state {symbol}"}
-        variables[str(symbol)] = ("time", run.states[:, index], attrs)
+        variables[str(symbol)] = xarray.Variable(("time",), state, attrs, fastpath=True)
     axes = list(axis_names(outputs["position"].shape[1]))
-    time = ("time", run.times, {"units": "s", "long_name": "time"})
+    time = xarray.Variable(("time",), run.times, {"units": "s", "long_name": "time"}, fastpath=True)
     return xarray.Dataset(variables, {"time": time, "axis": axes})
 
 

@@ -109,8 +109,11 @@ class System:
         (the `math` module, the fastest for one evaluation). Signals are computed once, in order.
         """
         needed = self._needed(expressions)
-        binding = {symbol: sympy.Dummy() for symbol, _ in needed}
-        bound = [(binding[symbol], substituted(e, binding)) for symbol, e in needed]
+        binding: dict[Expr, Expr] = {symbol: sympy.Dummy() for symbol, _ in needed}
+        calls = self._calls([*(e for _, e in needed), *expressions])
+        binding |= {call: sympy.Dummy() for call in calls}
+        bound = [(binding[call], call) for call in calls]
+        bound += [(binding[symbol], substituted(e, binding)) for symbol, e in needed]
         arguments = [self.time, list(self.states), list(self.symbols)]
         library = [
             {
@@ -126,6 +129,13 @@ class System:
             dummify=True,
             cse=lambda exprs: (bound, exprs),  # pyright: ignore[reportArgumentType] - SymPy takes one
         )
+
+    def _calls(self, expressions: Sequence[Expr]) -> list[Expr]:
+        """Return the calls, such as sin ωt, that can be computed once before the signals."""
+        signals = {symbol for symbol, _ in self.signals}
+        calls = set().union(*(e.atoms(sympy.sin, sympy.cos, sympy.exp) for e in expressions))
+        simple = [call for call in calls if not call.free_symbols & signals]
+        return [call for call in simple if len(call.atoms(sympy.Function)) == 1]
 
     def _needed(self, expressions: Sequence[Expr]) -> list[tuple[Symbol, Expr]]:
         wanted: set[Any] = set().union(*(e.free_symbols for e in expressions))
@@ -179,12 +189,11 @@ class System:
         with np.errstate(all="ignore"):
             flat = self._sampled(times, list(states.T), values)
         columns = iter(flat)
-        return {
-            name: np.stack(
-                [np.broadcast_to(next(columns), times.shape) for _ in expressions], axis=-1
-            )
-            for name, expressions in self.outputs.items()
-        }
+        outputs = {name: np.empty((len(times), len(es))) for name, es in self.outputs.items()}
+        for output in outputs.values():
+            for component in output.T:
+                component[:] = next(columns)
+        return outputs
 
     def text(self, values: Sequence[float] | None = None) -> str:
         """Return the equations as text in the paper's symbols, with the numbers if given."""

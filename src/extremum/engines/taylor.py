@@ -68,8 +68,8 @@ def integrate(
     outcome = COMPLETED
     for index, chunk in enumerate(chunks):
         status, *_, found = integrator.propagate_grid(chunk)
-        finite = np.isfinite(found).all(axis=1)
-        found = found if finite.all() else found[: int(np.argmin(finite))]
+        if not np.isfinite(found).all():
+            found = found[: int(np.argmin(np.isfinite(found).all(axis=1)))]
         reached.append(found if index == 0 else found[1:])
         if progress is not None:
             progress(float(integrator.time))
