@@ -282,7 +282,7 @@ def test_times_can_be_given() -> None:
         ({"t_end": 0}, "t_end = 0: must be a finite number greater than 0"),
         ({"t_end": -1.0}, "t_end"),
         ({"t_end": float("nan")}, "t_end"),
-        ({"t_end": "4"}, "t_end"),
+        ({"t_end": "four"}, "t_end"),
         ({"samples": 1}, "between 2 and"),
         ({"samples": [0, 2, 1]}, "increasing"),
         ({"samples": [0.0, 9.0]}, "0 … t_end"),

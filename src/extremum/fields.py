@@ -14,6 +14,7 @@ import sympy
 from numpy.typing import ArrayLike, NDArray
 from sympy import Expr, Symbol
 from sympy.core.function import AppliedUndef
+from sympy.printing.str import StrPrinter
 
 from .description import Description, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
@@ -46,6 +47,9 @@ class Field(Description, abstract=True):
 
         NaN where the field has no value, such as outside a gridded field's data.
         """
+        wanted = self.dimension()
+        if wanted is not None and len(position) != wanted:
+            raise InvalidDescription("position", f"has {len(position)} axes, the field {wanted}")
         names, oracles = coordinates(len(position)), self.oracles()
         law = self.law(names)
         within = [
@@ -252,6 +256,8 @@ def field_from(
         If the function cannot be traced: it branches on its arguments, calls something that does
         not take symbols (NumPy's and math's functions), or wants an unknown argument.
     """
+    if not callable(function):
+        raise InvalidDescription("", "field_from takes a function of x, y, …", shown(function))
     given = dict(parameters or {})
     names = list(inspect.signature(function).parameters)
     places = {"t", "x", "y", "z", *(f"x{i}" for i in range(1, 100))}
@@ -279,7 +285,12 @@ def field_from(
                 f"uses {part_.func}, which not every engine has; known: {', '.join(FUNCTIONS)}",
                 shown(str(traced)),
             )
-    return Expression(str(decimals_exact(traced)), parameters=given)
+    return Expression(_Formula().doprint(decimals_exact(traced)), parameters=given)
+
+
+class _Formula(StrPrinter):
+    def _print_Exp1(self, expr: Any, **settings: Any) -> str:  # noqa: N802 - SymPy's naming
+        return "exp(1)"
 
 
 class Opaque(Field):

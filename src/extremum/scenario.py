@@ -134,6 +134,8 @@ def parse_scenario(text: str, folder: Path | str = ".") -> Scenario:
     InvalidDescription
         With the dotted path, the value and what would be right.
     """
+    if not isinstance(text, str):
+        raise InvalidDescription("", "must be text", shown(text))
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -165,7 +167,10 @@ def load_scenario(path: Path | str) -> Scenario:
     InvalidDescription
         If the file is missing or unreadable, or states no scenario.
     """
-    path = Path(path)
+    try:
+        path = Path(path)
+    except TypeError:
+        raise InvalidDescription("", "must be a path", shown(path)) from None
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -186,6 +191,9 @@ def format_scenario(scenario: Scenario) -> str:
     """
     import tomli_w
 
+    if not isinstance(scenario, Scenario):
+        reason = "must be a Scenario: Scenario(loop=…, run=Run(t_end=…))"
+        raise InvalidDescription("", reason, type(scenario).__name__)
     data: dict[str, Any] = {key: getattr(scenario, key) for key in ("title", "note")}
     data = {key: text for key, text in data.items() if text}
     data |= {"start": _written(scenario.loop.start, None)}

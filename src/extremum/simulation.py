@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import numbers
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,6 +16,7 @@ from .loop import Loop
 from .scenario import Run, Scenario, format_scenario
 from .symbols import axis_names
 from .system import System
+from .validation import number
 
 if TYPE_CHECKING:
     import xarray
@@ -79,8 +79,10 @@ def simulate(
         If `t_end`, `samples`, `tol` or `engine` cannot be right, or the field has no value at the
         start.
     """
+    if not isinstance(loop, Loop):
+        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     times = _times(loop, t_end, samples)
-    if not 1e-16 < tol < 1e-1:
+    if not 1e-16 < _checked("tol", tol) < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
     system, values = loop.system, loop.values.tolist()
     name = _engine(system, engine)
@@ -111,36 +113,48 @@ def simulate(
 
 
 def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
-    end = t_end if isinstance(t_end, numbers.Real) and not isinstance(t_end, bool) else -1.0
-    if not 0 < float(end) < np.inf:
+    end = _checked("t_end", t_end)
+    if end <= 0:
         raise InvalidDescription("t_end", "must be a finite number greater than 0", shown(t_end))
     if samples is None:
         period = loop.system.fastest_period(loop.values.tolist()) or np.inf
-        samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * float(end) / period))
+        samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * end / period))
+        if samples > MAX_SAMPLES:
+            raise InvalidDescription(
+                "t_end",
+                f"is {end / period:.3g} periods of the dither, which takes more than the "
+                f"{MAX_SAMPLES:,} samples that are kept; give `samples`",
+                repr(end),
+            )
     if isinstance(samples, int | np.integer) and not isinstance(samples, bool):
         if not 2 <= samples <= MAX_SAMPLES:
             raise InvalidDescription(
-                "samples",
-                f"must lie between 2 and {MAX_SAMPLES:,}; for a longer run give the times wanted",
-                shown(int(samples)),
+                "samples", f"must lie between 2 and {MAX_SAMPLES:,}", shown(int(samples))
             )
-        return np.linspace(0.0, float(end), int(samples) + 1)
+        return np.linspace(0.0, end, int(samples) + 1)
     try:
         times = np.asarray(samples, dtype=float)
     except (TypeError, ValueError):
         times = np.empty(0)
     good = times.ndim == 1 and len(times) > 1 and np.isfinite(times).all()
-    if not good or (np.diff(times) <= 0).any() or times[0] < 0 or times[-1] > float(end):
+    if not good or (np.diff(times) <= 0).any() or times[0] < 0 or times[-1] > end:
         raise InvalidDescription(
             "samples", "must be a number or increasing times in 0 … t_end", shown(samples)
         )
     return times if times[0] == 0 else np.concatenate(([0.0], times))
 
 
+def _checked(name: str, given: Any) -> float:
+    try:
+        return number(given)
+    except InvalidDescription as error:
+        raise error.within(name) from None
+
+
 def _engine(system: System, engine: str | None) -> str:
     if engine is None:
         return "reference" if system.oracles or not taylor.available() else "taylor"
-    if engine not in ENGINES:
+    if not isinstance(engine, str) or engine not in ENGINES:
         raise InvalidDescription("engine", f"must be one of {', '.join(ENGINES)}", shown(engine))
     if engine == "taylor" and system.oracles:
         raise InvalidDescription(
