@@ -289,7 +289,7 @@ def field_from(
 
 
 class _Formula(StrPrinter):
-    def _print_Exp1(self, expr: Any, **settings: Any) -> str:  # noqa: N802 - SymPy's naming
+    def _print_Exp1(self, expr: Any) -> Any:  # noqa: N802 - SymPy's naming
         return "exp(1)"
 
 
