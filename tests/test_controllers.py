@@ -167,6 +167,19 @@ def test_the_washout_starts_where_it_is_told(start: str | float, expected: float
     assert run.eta.values[0] == expected
 
 
+def test_a_start_on_the_dither_and_a_ramp_exclude_each_other() -> None:
+    with pytest.raises(es.InvalidDescription, match="steady from t = 0"):
+        force_actuated(**{"controller.probe_ramp": 1.0})
+
+
+def test_the_dithers_repeat_together_after_the_common_period() -> None:
+    loop = velocity_actuated(**{"controller.channels.0.ratio": "2/3"})
+    period = loop.system.common_period(loop.values.tolist())
+    assert period == pytest.approx(2 * np.pi / (30 / 3))
+    almost = velocity_actuated(**{"controller.channels.0.ratio": 0.7})
+    assert almost.system.common_period(almost.values.tolist()) is None
+
+
 def test_ratios_multiply_the_base_frequency() -> None:
     loop = velocity_actuated(**{"controller.channels.1.ratio": "3/2"})
     omega = symbols(loop)["omega"]

@@ -46,7 +46,7 @@ def rich() -> es.Loop:
             (3 * (s + 2) / (s**3 + 4 * s**2), es.Rational("k/(s**2 + d*s)", {"d": 2, "k": 3})),
             disturbance=(0.1, 0.2),
         ),
-        es.OnDither((0.5, 0.6)),
+        es.AtRest((0.5, 0.6)),
         washout_start=0.7,
         probe_ramp=0.2,
         channels=(

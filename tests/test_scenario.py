@@ -132,7 +132,9 @@ def scenarios(draw: st.DrawFn) -> es.Scenario:
         run=es.Run(draw(MODERATE), draw(st.none() | st.integers(2, 9999))),
         title=draw(TEXT),
         note=draw(TEXT),
-        view=es.View(draw(st.none() | spans), draw(st.none() | st.lists(spans, max_size=3))),
+        view=es.View(
+            draw(st.none() | spans), draw(st.none() | st.lists(spans, min_size=n, max_size=n))
+        ),
     )
 
 

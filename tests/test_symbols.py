@@ -303,7 +303,7 @@ def test_text_that_is_no_finite_number_is_refused(text):
         parse_number(text)
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
+@given(st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False))
 def test_exact_states_the_shortest_decimal(number):
     assert float(exact(number)) == number
     assert exact(0.1) == sympy.Rational(1, 10)

@@ -274,9 +274,9 @@ class GradientES(Controller):
             )
 
     def motion(self, axis: int) -> tuple[Any, Any, Any] | None:
-        """Return (α, ω_i, φ), or None for a `Probe`."""
+        """Return (α, ω_i, φ), or None for a `Probe` or a probe that is not steady from t = 0."""
         dither = self.channels[axis].dither
-        if not isinstance(dither, Dither):
+        if not isinstance(dither, Dither) or self.probe_ramp is not None:
             return None
         return dither.amplitude, self.frequencies()[axis], dither.phase
 

@@ -66,7 +66,7 @@ class Description:
 
     def _owned(self, error: InvalidDescription, name: str) -> InvalidDescription:
         inner = error.within(name)
-        owner = "" if type(self).__name__ == "Loop" else type(self).__name__
+        owner = "" if type(self).__name__ in ("Loop", "Scenario") else type(self).__name__
         return InvalidDescription(inner.path, inner.reason, inner.value, owner)
 
     def check(self) -> None:
@@ -150,7 +150,9 @@ def _changed(item: Any, changes: Mapping[tuple[str, ...], Any], meta: Meta | Non
             for name, inner in _grouped(changes).items()
         }
         return Table({**item, **updates})
-    raise InvalidDescription(next(iter(changes))[0], f"{shown(item)} has no parts")
+    raise InvalidDescription(
+        next(iter(changes))[0], f"{shown(item)} has no parts; replace it as a whole"
+    )
 
 
 def _entries_changed(

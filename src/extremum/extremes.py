@@ -37,7 +37,7 @@ def extremes(
     if len(run.times) < 2:
         return {name: (column[0], column[0]) for name, column in outputs.items()}
     wanted = [
-        (name, component, sign, int(np.argmax(sign * column[:, component])))
+        (name, component, sign, _highest(run.times, sign * column[:, component]))
         for name, column in outputs.items()
         for component in range(column.shape[1])
         for sign in (-1.0, 1.0)
@@ -52,6 +52,27 @@ def extremes(
     for (name, _, sign, _), peak in zip(wanted, peaks.tolist(), strict=True):
         found.setdefault((name, sign), []).append(sign * peak)
     return {name: (np.array(found[name, -1.0]), np.array(found[name, 1.0])) for name in outputs}
+
+
+def _highest(times: NDArray[np.float64], column: NDArray[np.float64]) -> int:
+    """Return the sample nearest to the maximum: that whose parabola rises highest.
+
+    Of two crests the one that a sample happens to hit looks higher than it is.
+    """
+    inner = column[1:-1]
+    crests = 1 + np.flatnonzero((inner >= column[:-2]) & (inner >= column[2:]))
+    best = int(np.argmax(column))
+    if not len(crests):
+        return best
+    before, after = times[crests] - times[crests - 1], times[crests + 1] - times[crests]
+    with np.errstate(all="ignore"):  # on a plateau, and near an escape
+        rise = (column[crests] - column[crests - 1]) / before
+        fall = (column[crests + 1] - column[crests]) / after
+        slope = (rise * after + fall * before) / (before + after)
+        bend = (rise - fall) / (before + after)
+        tops = column[crests] + np.nan_to_num(slope**2 / (4 * bend), posinf=0.0)
+    crest = int(np.argmax(tops))
+    return int(crests[crest]) if tops[crest] >= column[best] else best
 
 
 def _around(

@@ -6,6 +6,7 @@ A field is one small class: its numbers and its `law`. We maximise J.
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -19,7 +20,7 @@ from sympy.printing.str import StrPrinter
 from .description import Description, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
 from .paths import Path, as_path
-from .symbols import FUNCTIONS, coordinates, decimals_exact, parse, plain, t
+from .symbols import FUNCTIONS, coordinates, decimals_exact, is_coordinate, parse, plain, t
 from .system import Oracle
 
 
@@ -220,12 +221,15 @@ class Expression(Field):
         """Refuse text that cannot be read."""
         if not isinstance(self.formula, str):
             raise InvalidDescription("formula", "must be text", shown(self.formula))
-        clash = {"x", "y", "z"} & set(self.parameters)
-        if clash:
-            name = sorted(clash)[0]
-            raise InvalidDescription(f"parameters.{name}", "is the name of a coordinate")
+        for name in self.parameters:
+            if is_coordinate(name):
+                raise InvalidDescription(f"parameters.{name}", "is the name of a coordinate")
+        numbered = [int(n) for n in re.findall(r"\bx(\d{1,3})\b", self.formula)]
         try:
-            self._read({name: Symbol(name) for name in self.parameters}, coordinates(3))
+            self._read(
+                {name: Symbol(name) for name in self.parameters},
+                coordinates(max(numbered, default=3)),
+            )
         except InvalidDescription as error:
             raise error.within("formula") from None
 
@@ -260,9 +264,8 @@ def field_from(
         raise InvalidDescription("", "field_from takes a function of x, y, …", shown(function))
     given = dict(parameters or {})
     names = list(inspect.signature(function).parameters)
-    places = {"t", "x", "y", "z", *(f"x{i}" for i in range(1, 100))}
     for name in names:
-        if name not in places and name not in given:
+        if name != "t" and not is_coordinate(name) and name not in given:
             hint = suggestion(name, {"x", "y", "z", "t", *given})
             raise InvalidDescription(name, f"is neither a coordinate, t nor a parameter; {hint}")
     symbols = {name: t if name == "t" else Symbol(name, real=True) for name in names}

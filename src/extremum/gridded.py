@@ -16,7 +16,7 @@ from sympy import Expr
 from .description import structure
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
-from .symbols import axis_names
+from .symbols import axis_names, is_coordinate
 from .system import Oracle
 
 MIN_POINTS: Final = 4
@@ -112,8 +112,8 @@ class Gridded(Field):
     Parameters
     ----------
     grid
-        A `Grid`, an `xarray.DataArray` with a coordinate for each dimension (dimensions named x,
-        y, z are put in that order), a file's path, or a table as in a scenario file (`read_grid`).
+        A `Grid`, an `xarray.DataArray` with a coordinate for each dimension (dimensions x, y, z
+        in any order), a file's path, or a table as in a scenario file (`read_grid`).
     """
 
     grid: Grid = structure("the data: numbers, or a file", converter=lambda given: as_grid(given))
@@ -169,30 +169,31 @@ def read_grid(table: Mapping[str, Any]) -> Grid:
     - ``file``: NetCDF (``.nc``), ``.npz`` or CSV (a header, then one row per grid point with the
       columns x, y, … and the value); ``matplotlib:NAME`` is a file of matplotlib's sample data.
     - ``variable``: its variable, array or column; may be left out where there is only one.
-    - ``dims``: the order of the array's dimensions, such as ``["y", "x"]`` (default x, y, z).
+    - ``dims``: which axis each dimension of the array is, such as ``["y", "x"]`` (npz and NetCDF;
+      default x, y, z in order, or the dimensions' own names if they are x, y, z).
     - ``coordinates``: the arrays with the coordinates, in the order of the axes (npz; default the
       axes' names); or ``spacing``: the distance (m) of the lines per axis, negative where the
       file's order runs against the axis, with the first corner at 0.
     - ``digest``: SHA-256 of the content, checked if given.
     """
-    known = {"file", "variable", "dims", "coordinates", "spacing", "digest"}
     if "file" not in table:
         return _inline(table)
+    path = _located(table["file"])
+    if path.suffix.lower() not in _READERS:
+        raise InvalidDescription("file", "must end in .nc, .npz or .csv", shown(table["file"]))
+    reader, special = _READERS[path.suffix.lower()]
+    known = {"file", "variable", "digest", *special}
     for key in table:
         if key not in known:
-            raise InvalidDescription(key, f"there is no such entry; {suggestion(key, known)}")
-    path = _located(table["file"])
-    readers = {".npz": _read_npz, ".csv": _read_csv, ".nc": _read_netcdf}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise InvalidDescription("file", "must end in .nc, .npz or .csv", shown(table["file"]))
+            reason = f"is no entry for a {path.suffix} file; {suggestion(key, known)}"
+            raise InvalidDescription(key, reason)
     try:
         axes, values = reader(path, table)
     except InvalidDescription:
         raise
     except Exception as error:  # a broken file may raise anything that its reader knows
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InvalidDescription("file", f"cannot be read: {reason}", shown(str(path))) from None
+        raise InvalidDescription("file", f"cannot be read: {reason}", repr(str(path))) from None
     origin = {key: item for key, item in table.items() if key != "digest"}
     grid = Grid(axes, values, origin)
     if table.get("digest", grid.digest) != grid.digest:
@@ -223,7 +224,7 @@ def _located(file: Any) -> Path:
     else:
         path = Path(file)
     if not path.is_file():
-        raise InvalidDescription("file", "there is no such file", shown(file))
+        raise InvalidDescription("file", "there is no such file", repr(file))
     return path
 
 
@@ -271,7 +272,11 @@ def _read_csv(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
     if rows.dtype.names is None:
         raise InvalidDescription("file", "must begin with a header x,y,…,value", shown(str(path)))
     columns = list(rows.dtype.names)
-    coordinates = [name for name in columns if name in {"x", "y", "z"} or name[1:].isdigit()]
+    coordinates = [
+        name for name in columns if is_coordinate(name) and name != table.get("variable")
+    ]
+    if len(coordinates) == len(columns) > 1:  # x, y, z: altitude over the plane
+        coordinates.pop()
     variable = _variable(table, [name for name in columns if name not in coordinates])
     if not coordinates:
         raise InvalidDescription("file", "must have columns x, y, …", shown(columns))
@@ -296,7 +301,10 @@ def _read_netcdf(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
 
     with xarray.open_dataset(path) as dataset:
         variable = _variable(table, [str(name) for name in dataset.data_vars])
-        grid = _from_data_array(dataset[variable].load())
+        array = dataset[variable].load()
+    if "dims" in table:
+        array = array.rename(dict(zip(array.dims, _dims(table, array.ndim), strict=True)))
+    grid = _from_data_array(array)
     return list(grid.axes), grid.values
 
 
@@ -305,9 +313,22 @@ def _from_data_array(given: Any) -> Grid:
     for dim in given.dims:
         if dim not in given.coords:
             raise InvalidDescription(str(dim), "this dimension has no coordinate")
-    if set(dims) == set(axis_names(len(dims))):
-        given = given.transpose(*axis_names(len(dims)))
+    names = axis_names(len(dims))
+    if set(dims) != set(names):
+        raise InvalidDescription(
+            "dims",
+            f"are {', '.join(dims)}; say which axis each one is, dims = {list(names)} in some "
+            f"order, or rename them to {', '.join(names)}",
+        )
+    given = given.transpose(*names)
     return Grid([np.asarray(given.coords[dim]) for dim in given.dims], np.asarray(given))
+
+
+_READERS: Final = {
+    ".npz": (_read_npz, ("dims", "coordinates", "spacing")),
+    ".csv": (_read_csv, ()),
+    ".nc": (_read_netcdf, ("dims",)),
+}
 
 
 def _variable(table: Mapping[str, Any], names: list[str]) -> str:

@@ -178,7 +178,9 @@ class Loop(Description):
             self.controller.motion(axis) is None for axis in range(axes)
         ):
             raise InvalidDescription(
-                "start", "OnDither needs every channel to state a Dither, not a Probe"
+                "start",
+                "OnDither needs a dither that is steady from t = 0: a Dither in every channel, "
+                "not a Probe, and no probe_ramp",
             )
 
     def _check_field(self, axes: int) -> None:

@@ -310,6 +310,10 @@ def _from_control(given: Any) -> TransferFunction:
         raise InvalidDescription(
             "", f"is sampled (dt = {given.dt}); a continuous transfer function is needed"
         )
+    if not hasattr(given, "num") and not hasattr(given, "A"):
+        raise InvalidDescription(
+            "", "must be a rational transfer function or a state space", type(given).__name__
+        )
     if hasattr(given, "num"):
         num, den = (
             sum((exact(c) * s**i for i, c in enumerate(reversed(cs))), s * 0)

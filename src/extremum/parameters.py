@@ -21,6 +21,11 @@ class Parameter:
     path: str
     unit: str
 
+    @property
+    def latex(self) -> str:
+        """The symbol in LaTeX."""
+        return sympy.latex(self.symbol)
+
 
 def symbolic(
     description: Description,

@@ -7,6 +7,7 @@ wherever mathematics may (``"1/s"``, ``"-pi/2"``). Nothing in a file is evaluate
 from __future__ import annotations
 
 import dataclasses
+import os
 import tomllib
 from collections.abc import Mapping
 from fractions import Fraction
@@ -121,6 +122,17 @@ class Scenario(Description):
         "what it shows, and where its numbers come from", default="", converter=_text
     )
     view: View = part(View, "ranges of the figure's axes", default=View())
+
+    def check(self) -> None:
+        """Refuse a view that has not one range for each axis and input."""
+        vehicle = self.loop.vehicle
+        counts = {"position": vehicle.dimension(), "inputs": len(vehicle.input_names())}
+        for name, count in counts.items():
+            ranges = getattr(self.view, name)
+            if ranges is not None and len(ranges) != count:
+                raise InvalidDescription(
+                    f"view.{name}", f"has {len(ranges)} ranges for {count}; give one for each"
+                )
 
 
 _TOP = ("title", "note", "run", "field", "vehicle", "controller", "start", "view")
@@ -279,7 +291,7 @@ class _Reader:
     def located(self, file: Any) -> Any:
         if not isinstance(file, str) or file.startswith("matplotlib:"):
             return file
-        return str(self.folder / file)
+        return os.path.abspath(self.folder / file)  # a run may be read from another folder
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,6 +26,7 @@ TOLERANCE: Final = 1e-12
 MIN_SAMPLES: Final = 2000
 MAX_SAMPLES: Final = 20_000_000
 SAMPLES_PER_PERIOD: Final = 20
+DENSE_PER_PERIOD: Final = 60
 ENGINES: Final = {"taylor": taylor, "reference": reference}
 
 
@@ -50,8 +52,9 @@ def simulate(
     t_end
         Duration (s).
     samples
-        How many equispaced samples, or the times themselves (increasing, in 0 … t_end). By default
-        2000 or 20 for each period of the fastest dither, whichever is more.
+        How many equispaced samples, t = 0 and `t_end` among them, or the times themselves
+        (increasing, in 0 … t_end). By default 2000 or 20 for each period of the fastest dither,
+        whichever is more.
     tol
         Tolerance of each step; the default makes every figure right to 1e-8.
     engine
@@ -88,7 +91,8 @@ def simulate(
     name = _engine(system, engine)
     start = _start(system, values)
     integrate = ENGINES[name].integrate
-    whole = integrate(system, values, times, tol=tol, state=start, progress=progress)
+    dense, wanted = _dense(times, system.fastest_period(values))
+    whole = integrate(system, values, dense, tol=tol, state=start, progress=progress)
     run, outputs = _cut(system, values, whole)
 
     def again(segment: NDArray[np.float64], state: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,6 +102,10 @@ def simulate(
 
     judged = {name: outputs[name] for name in ("position", "J", "input")}
     bounds = extremes(system, values, run, judged, again)
+    if len(dense) > len(times):
+        kept = wanted[wanted < len(run.times)]
+        run = replace(run, times=run.times[kept], states=run.states[kept])
+        outputs = {name: output[kept] for name, output in outputs.items()}
     dataset = _dataset(system, run, outputs, bounds)
     dataset.attrs |= {
         "title": title,
@@ -107,7 +115,7 @@ def simulate(
         "state_names": [str(x) for x in system.states],
         "engine": name,
         "tol": tol,
-        "scenario": _scenario(loop, t_end, title),
+        "scenario": _scenario(loop, t_end, samples, title),
     }
     return dataset
 
@@ -118,7 +126,7 @@ def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
         raise InvalidDescription("t_end", "must be a finite number greater than 0", shown(t_end))
     if samples is None:
         period = loop.system.fastest_period(loop.values.tolist()) or np.inf
-        samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * end / period))
+        samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * end / period) + 1)
         if samples > MAX_SAMPLES:
             raise InvalidDescription(
                 "t_end",
@@ -131,7 +139,7 @@ def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
             raise InvalidDescription(
                 "samples", f"must lie between 2 and {MAX_SAMPLES:,}", shown(int(samples))
             )
-        return np.linspace(0.0, end, int(samples) + 1)
+        return np.linspace(0.0, end, int(samples))
     try:
         times = np.asarray(samples, dtype=float)
     except (TypeError, ValueError):
@@ -142,6 +150,21 @@ def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
             "samples", "must be a number or increasing times in 0 … t_end", shown(samples)
         )
     return times if times[0] == 0 else np.concatenate(([0.0], times))
+
+
+def _dense(
+    times: NDArray[np.float64], period: float | None
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return times at which extremes can be seen, and where the wanted ones are among them."""
+    gaps = np.diff(times)
+    step = period / DENSE_PER_PERIOD if period else np.inf
+    parts = np.maximum(1, np.ceil(gaps / step - 1e-9)).astype(int)
+    if parts.sum() > MAX_SAMPLES:
+        parts[:] = 1
+    first = np.concatenate(([0], np.cumsum(parts)))
+    fraction = (np.arange(first[-1]) - np.repeat(first[:-1], parts)) / np.repeat(parts, parts)
+    inside = np.repeat(times[:-1], parts) + fraction * np.repeat(gaps, parts)
+    return np.append(inside, times[-1]), first
 
 
 def _checked(name: str, given: Any) -> float:
@@ -237,8 +260,9 @@ def _dataset(
     return xarray.Dataset(variables, {"time": time, "axis": axes})
 
 
-def _scenario(loop: Loop, t_end: float, title: str) -> str:
+def _scenario(loop: Loop, t_end: float, samples: Any, title: str) -> str:
+    run = Run(t_end=t_end, samples=samples if isinstance(samples, int) else None)
     try:
-        return format_scenario(Scenario(loop=loop, run=Run(t_end=t_end), title=title))
+        return format_scenario(Scenario(loop=loop, run=run, title=title))
     except InvalidDescription:
         return ""  # an Opaque field: no text can state it

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, Final, cast
 
@@ -54,6 +55,11 @@ def axis_names(dimension: int) -> tuple[str, ...]:
 def coordinates(dimension: int) -> tuple[Symbol, ...]:
     """Return the coordinates as real symbols."""
     return tuple(Symbol(name, real=True) for name in axis_names(dimension))
+
+
+def is_coordinate(text: str) -> bool:
+    """Return whether `text` is the name of a coordinate: x, y, z, x1, x2, …."""
+    return text in {"x", "y", "z"} or bool(re.fullmatch(r"x[1-9]\d*", text))
 
 
 def is_name(text: str) -> bool:
@@ -122,6 +128,7 @@ def parse(text: str, names: Mapping[str, Expr]) -> Expr:
     InvalidDescription
         With what stands in the way and, for an unknown name, the nearest known one.
     """
+    text = text.replace("\n", " ")
     if len(text) > MAX_LENGTH:
         raise InvalidDescription(
             "",
@@ -259,7 +266,7 @@ class _Reader:
 
     def call(self, node: ast.Call, depth: int) -> Expr:
         if not isinstance(node.func, ast.Name) or node.func.id not in FUNCTIONS:
-            called = ast.unparse(node.func) if isinstance(node.func, ast.Name) else "that"
+            called = shown(ast.unparse(node.func), 30).strip("'\"")
             hint = suggestion(called, FUNCTIONS)
             raise self.refuse(f"{called!r} is not a known function; {hint}", node)
         wanted = 2 if node.func.id == "atan2" else 1

@@ -174,6 +174,16 @@ class System:
         frequencies = self._fastest(values)
         return 2 * float(np.pi) / max(map(abs, frequencies)) if frequencies else None
 
+    def common_period(self, values: Sequence[float]) -> float | None:
+        """Return the shortest time after which every dither repeats (s), None if there is none."""
+        if not self.carriers:
+            return None
+        ratios = [sympy.cancel(carrier / self.carriers[0]) for carrier in self.carriers]
+        if not all(ratio.is_Rational for ratio in ratios):
+            return None
+        base: Any = sympy.gcd_list(ratios)
+        return 2 * float(np.pi) / (float(base) * self._fastest(values)[0])
+
     @cached_property
     def _sampled(self) -> Compiled:
         flat = [e for expressions in self.outputs.values() for e in expressions]

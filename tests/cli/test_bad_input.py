@@ -232,12 +232,12 @@ FORMULAS = {
     "complex at the start": ("(x - 2)**(1/3)", ["start"]),
 }
 GRIDS = {
-    "missing file": ("file = 'no.nc'", ["field.grid.file = 'no.nc': there is no such file"]),
+    "missing file": ("file = 'no.nc'", ["field.grid.file = ", "no.nc': there is no such file"]),
     "NaN": ("file = 'nan.npz'", ["field.grid.values: 1 of 25 are NaN"]),
     "not monotonic": ("file = 'axis.npz'", ["field.grid.x: must be finite and strictly monotonic"]),
     "one row": ("file = 'row.npz'", ["field.grid.x: has 1 grid line(s)"]),
     "no data": ("file = 'empty.npz'", ["field.grid.variable"]),
-    "not NetCDF": ("file = 'text.nc'", ["field.grid.file = 'text.nc'"]),
+    "not NetCDF": ("file = 'text.nc'", ["field.grid.file = ", "text.nc': cannot be read"]),
     "outside": ("file = 'far.npz'", ["start: lies 9 m outside"]),
     "changed": ("file = 'far.npz'\ndigest = '0'", ["field.grid.digest: differs"]),
     "unknown key": ("file = 'far.npz'\nvariabel = 'J'", ["variabel", "'variable'?"]),

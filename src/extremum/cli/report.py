@@ -63,11 +63,10 @@ def _distance(scenario: Scenario, run: xarray.Dataset) -> list[str]:
         f"  distance to the source: {distance[0]:.4g} m at the start, "
         f"{distance[-1]:.4g} m at the end"
     ]
-    period = scenario.loop.system.fastest_period(scenario.loop.values.tolist())
+    period = scenario.loop.system.common_period(scenario.loop.values.tolist())
     last = run.time.values >= run.time.values[-1] - (period or 0.0)
     if period and last.sum() > 2 and run.attrs["outcome"] == "completed":
         offset = (run.position.values - run.source.values)[last].mean(axis=0)
-        lines.append(
-            f"  mean over the last dither period: {np.linalg.norm(offset):.4g} m from the source"
-        )
+        far = float(np.linalg.norm(offset))
+        lines.append(f"  mean over the last period of the dither: {far:.4g} m from the source")
     return lines

@@ -50,7 +50,8 @@ def integrate(
     states[0], count = start, 1
     while count < len(times):
         before, last = float(solver.t), np.array(solver.y)
-        solver.step()
+        with np.errstate(all="ignore"):
+            solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             outcome = broken_off(system, before, list(last), values)
             return Trajectory(times[:count], states[:count], outcome, before, last)

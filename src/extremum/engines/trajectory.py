@@ -19,6 +19,9 @@ LEFT: Final = "left the data"
 STEEP: Final = 1e8
 """A rate (per second) beyond which a run that broke off is an escape and not a domain's edge."""
 
+HUGE: Final = 1e100
+"""A state beyond which a run that broke off is an escape: squares overflow soon."""
+
 UNDEFINED: Final = (OverflowError, ValueError, ZeroDivisionError, TypeError)
 """What evaluating on floats raises outside a function's domain or beyond the largest float."""
 
@@ -49,6 +52,8 @@ class Trajectory:
 
 def broken_off(system: System, time: float, state: Sequence[float], values: Sequence[float]) -> str:
     """Return why the solution cannot be continued beyond its last finite state."""
+    if np.abs(state).max() > HUGE:
+        return ESCAPED
     try:
         rates = system.rates(time, [float(x) for x in state], values)
         steep = not all(math.isfinite(rate) and abs(rate) < STEEP for rate in rates)

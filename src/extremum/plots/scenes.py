@@ -90,9 +90,11 @@ def over_field(run: xarray.Dataset, view: View, field: Field | None) -> Scene:
 
 
 def field_of(run: xarray.Dataset) -> Field | None:
-    """Return the field that the run's scenario states, None if it states none."""
-    text = run.attrs.get("scenario", "")
-    return parse_scenario(text).loop.field if text else None
+    """Return the field that the run's scenario states, None if it states none that is here."""
+    try:
+        return parse_scenario(run.attrs["scenario"]).loop.field
+    except (KeyError, InvalidDescription):
+        return None  # an opaque field, data that have moved, a class of another session
 
 
 def is_still(field: Field, dimension: int) -> bool:
