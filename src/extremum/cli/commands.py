@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .. import plots
 from ..errors import InvalidDescription
 from ..papers import zhang2007
 from ..scenario import Scenario, load_scenario
@@ -30,6 +30,8 @@ def run(options: argparse.Namespace) -> int:
         "plot": _suffixed(options.plot, FIGURES, "--plot"),
         "animation": _suffixed(options.animation, ANIMATIONS, "--animation"),
     }
+    if wanted["animation"]:
+        plots.check_animation(wanted["animation"])
     with Files({key: path for key, path in wanted.items() if path}, options.force) as files:
         status = _simulated(scenario, files)
         files.commit()
@@ -107,7 +109,7 @@ def _simulated(scenario: Scenario, files: Files) -> int:
     from ..simulation import simulate
 
     begun = time.perf_counter()
-    with Bar(scenario.title or "simulating", scenario.run.t_end) as bar:
+    with Bar(scenario.title or "simulating", scenario.run.t_end, " s") as bar:
         result = simulate(
             scenario.loop,
             scenario.run.t_end,
@@ -121,15 +123,13 @@ def _simulated(scenario: Scenario, files: Files) -> int:
 
 
 def _write(scenario: Scenario, result: xarray.Dataset, files: Files) -> None:
-    from .. import plots
-
     if "data" in files:
         result.to_netcdf(files["data"], engine="h5netcdf")
     if "plot" in files:
         plots.overview(result, scenario.view).savefig(files["plot"], dpi=150)
     if "animation" in files:
-        print("drawing the animation …", file=sys.stderr)
-        plots.animate(result, files["animation"], view=scenario.view)
+        with Bar("drawing the animation", 1.0, "") as bar:
+            plots.animate(result, files["animation"], view=scenario.view, progress=bar)
 
 
 def _report_written(files: Files) -> None:

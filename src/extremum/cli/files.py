@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from ..errors import InvalidDescription
+from . import interrupts
 
 
 class Files:
@@ -56,6 +57,7 @@ class Files:
 
     def commit(self) -> None:
         """Move every file to its own name."""
+        interrupts.check()
         mask = os.umask(0)
         os.umask(mask)
         for key, path in self.paths.items():

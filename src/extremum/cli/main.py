@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from .. import __version__
 from ..errors import InvalidDescription
 from ..papers.zhang2007 import NAMES
-from . import commands
+from . import commands, interrupts
 
 ESCAPED, WRONG, INTERRUPTED = 1, 2, 130
 
@@ -21,6 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 completed, 1 escaped or left the data, 2 the user's error, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
+    interrupts.install()
     try:
         status = options.command(options)
         sys.stdout.flush()

@@ -9,20 +9,26 @@ from functools import partial
 from types import TracebackType
 from typing import Final, Self
 
+from . import interrupts
+
 PATIENCE: Final = 1.0
 
 
 class Bar:
-    """Shows the simulated time on a terminal's standard error, once a second has passed."""
+    """Shows how far work has come on a terminal's standard error, once a second has passed.
 
-    def __init__(self, title: str, total: float) -> None:
-        self.title, self.total = title, total
+    It is also where an interrupt is noticed that Python could not deliver.
+    """
+
+    def __init__(self, title: str, total: float, unit: str) -> None:
+        self.title, self.total, self.unit = title, total, unit
         self._begun = time.perf_counter()
         self._show: Callable[..., object] | None = None
         self._stop: Callable[[], object] | None = None
 
     def __call__(self, reached: float) -> None:
-        """Show that the run has reached this time (s)."""
+        """Show that the work has come this far."""
+        interrupts.check()
         if self._show is None:
             if time.perf_counter() - self._begun < PATIENCE or not sys.stderr.isatty():
                 return
@@ -36,7 +42,7 @@ class Bar:
         bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.completed:.4g} of {task.total:.4g} s"),
+            TextColumn(f"{{task.completed:.3g}} of {{task.total:.4g}}{self.unit}"),
             TimeRemainingColumn(),
             console=Console(stderr=True),
             transient=True,

@@ -5,6 +5,6 @@ circle, the end by a square, or by a cross if the run ended early.
 """
 
 from .figures import overview, trajectory
-from .films import animate
+from .films import animate, check_animation
 
-__all__ = ["animate", "overview", "trajectory"]
+__all__ = ["animate", "check_animation", "overview", "trajectory"]

@@ -31,6 +31,7 @@ def animate(
     view: View | None = None,
     seconds: float = 8.0,
     frames_per_second: int = 25,
+    progress: Callable[[float], object] | None = None,
 ) -> None:
     """Write an animation: the vehicle over the field as in `trajectory`, and J beside it.
 
@@ -48,6 +49,8 @@ def animate(
         Duration of the animation (s).
     frames_per_second
         Its frames per second.
+    progress
+        Called with the part that is done, 0 … 1, after every frame.
 
     Raises
     ------
@@ -55,19 +58,8 @@ def animate(
         For another suffix, an MP4 without ffmpeg, a folder that does not exist, a duration or rate
         that is not positive, and as `trajectory` does.
     """
-    from matplotlib.animation import FFMpegWriter
-
     path = Path(path)
-    write = {".gif": _write_gif, ".mp4": _write_mp4}.get(path.suffix.lower())
-    if write is None:
-        raise InvalidDescription("path", "must end in .gif or .mp4", shown(path.name))
-    if write is _write_mp4 and not FFMpegWriter.isAvailable():
-        raise InvalidDescription(
-            "path",
-            "needs the program ffmpeg, which is not installed here; install it (apt install "
-            "ffmpeg, brew install ffmpeg), or write a .gif",
-            shown(path.name),
-        )
+    check_animation(path)
     if not path.parent.is_dir():
         raise InvalidDescription("path", f"there is no folder {path.parent}", shown(path.name))
     for name, given in (("seconds", seconds), ("frames_per_second", frames_per_second)):
@@ -75,10 +67,29 @@ def animate(
             raise InvalidDescription(name, "must be a finite number greater than 0", shown(given))
     times = np.linspace(0.0, float(run.time[-1]), max(1, round(seconds * frames_per_second)))
     film = _film(run, checked(view, run), times)
+    if progress is not None:
+        film = _reported(film, len(times), progress)
+    write = _WRITERS[path.suffix.lower()]
     with TemporaryDirectory(prefix=f".{path.name}-", dir=path.parent) as folder:
         part = Path(folder) / path.name
         write(film, times, part, frames_per_second)
         os.replace(part, path)
+
+
+def check_animation(path: Path | str) -> None:
+    """Raise `InvalidDescription` if no animation of this name can be written here."""
+    from matplotlib.animation import FFMpegWriter
+
+    path = Path(path)
+    if path.suffix.lower() not in _WRITERS:
+        raise InvalidDescription("path", "must end in .gif or .mp4", shown(path.name))
+    if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
+        raise InvalidDescription(
+            "path",
+            "needs the program ffmpeg, which is not installed here; install it (apt install "
+            "ffmpeg, brew install ffmpeg), or write a .gif",
+            shown(path.name),
+        )
 
 
 @dataclass(frozen=True)
@@ -151,6 +162,19 @@ def _write_mp4(film: _Film, times: Array, path: Path, rate: int) -> None:
                 writer.finish()
             raise
         writer.finish()
+
+
+_WRITERS = {".gif": _write_gif, ".mp4": _write_mp4}
+
+
+def _reported(film: _Film, count: int, progress: Callable[[float], object]) -> _Film:
+    done = iter(range(1, count + 2))
+
+    def show(now: float) -> None:
+        film.show(now)
+        progress(min(1.0, next(done) / count))
+
+    return _Film(film.figure, show)
 
 
 def _film(run: xarray.Dataset, view: View, times: Array) -> _Film:
