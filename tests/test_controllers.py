@@ -123,6 +123,32 @@ def test_a_start_anywhere_is_a_rest_or_a_dither_about_it(axis: sympy.Expr) -> No
     assert np.abs(es.simulate(faint, 2.0).x.values - begin).max() < 1e-9
 
 
+@pytest.mark.parametrize(
+    ("axis", "through"), [(1 / (s + 20), 1 / s), (1 / (s * (s + 3)), 1 / s**2)]
+)
+def test_on_the_dither_means_as_the_steady_probe_moves_it(
+    axis: sympy.Expr, through: sympy.Expr
+) -> None:
+    """A probe through another 1/G moves the position by α G_axis/G, not by α."""
+    alpha, omega, phase = 0.08, 7.0, 0.4
+
+    def at(transfer: sympy.Expr) -> complex:
+        return complex(transfer.subs(s, sympy.I * omega))  # pyright: ignore
+
+    motion = alpha * np.exp(1j * phase) * at(axis) / at(through)
+    loop = es.Loop(
+        field=es.Quadratic((0,), (1.0,)),
+        vehicle=es.PointMass((axis,)),
+        controller=es.GradientES(
+            omega, 1.0, (es.Channel(es.Dither(alpha, phase, through=through), gain=0.0),)
+        ),
+        start=es.OnDither((float(motion.imag),)),
+    )
+    run = es.simulate(loop, 3.0)
+    expected = (motion * np.exp(1j * omega * run.time.values)).imag
+    assert np.abs(run.x.values - expected).max() < 1e-9
+
+
 def test_from_rest_a_double_integrator_drifts_and_a_ramp_prevents_it() -> None:
     """v settles about −αω (from rest) or −αω/(1 + ω²T²) (probe ramp of time constant T)."""
     alpha, omega, ramp = 0.1, 30.0, 0.5

@@ -46,7 +46,7 @@ def rich() -> es.Loop:
             (3 * (s + 2) / (s**3 + 4 * s**2), es.Rational("k/(s**2 + d*s)", {"d": 2, "k": 3})),
             disturbance=(0.1, 0.2),
         ),
-        es.AtRest((0.5, 0.6)),
+        (0.5, 0.6),
         washout_start=0.7,
         probe_ramp=0.2,
         channels=(
@@ -111,7 +111,7 @@ THIRD = {"controller.channels.1.ratio": 3}
 STRUCTURE = {
     "class of the field": (make(), {"field": es.InverseSquare((-1, -1))}),
     "vector to matrix": (make(), {"field.q": ((1.0, 0.0), (0.0, 0.5))}),
-    "class of the start": (make(), {"start": es.AtRest((1, 1))}),
+    "class of the start": (make(), {"start": es.OnDither((1, 1))}),
     "state start": (make(), {"start": {"x": 1, "y": 1}}),
     "pole leaves the origin": (make(), {"vehicle.axes.0.den.0": 0.5}),
     "gain leaves one": (make(), {"vehicle.axes.0.gain": 2}),
@@ -207,7 +207,7 @@ def test_entries_of_every_container_can_be_replaced():
         "vehicle.axes.0.den.0": 5,
         "vehicle.axes.1.parameters.k": 6,
         "vehicle.disturbance.1": 0.5,
-        "start.position.0": 4,
+        "start.0": 4,
         "controller.channels.0.reference.phase": 0.9,
     }
     changed = loop.replace(changes)
@@ -317,3 +317,65 @@ def test_descriptions_are_values():
     assert hash(loop) == hash(rich())
     with pytest.raises(AttributeError):
         loop.start = (2, 2)  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_field_of_a_class_cannot_be_left_undeclared() -> None:
+    """Otherwise it would be neither structure nor number, and two laws would share one system."""
+    with pytest.raises(TypeError, match=r"Power\.power: declare it"):
+
+        class Power(es.Field):
+            power: int = 2
+
+
+def test_a_class_of_another_module_cannot_take_a_known_name() -> None:
+    with pytest.raises(TypeError, match="take another name"):
+
+        class Gaussian(es.Field):
+            pass
+
+
+def test_what_loops_share_cannot_be_changed() -> None:
+    system = make().system
+    for shared in (system.units, system.outputs, system.oracles):
+        with pytest.raises(TypeError):
+            shared["J"] = ()  # pyright: ignore[reportIndexIssue]
+    grid = es.Grid(([0, 1, 2, 3],), [0, 1, 2, 3])
+    with pytest.raises(AttributeError):
+        grid.values = grid.values  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ValueError, match="read-only"):
+        grid.values[0] = 1
+
+
+def test_tables_that_are_equal_hash_equally() -> None:
+    one = es.Expression("a*x + b", {"a": 1, "b": 2})
+    other = es.Expression("a*x + b", {"b": 2, "a": 1})
+    assert one == other
+    assert hash(one) == hash(other)
+
+
+def test_units_follow_from_the_vehicle() -> None:
+    vehicle = es.PointMass((1 / s**3, (s + 2) / (s * (s + 0.7))))
+    lead = es.Rational("(s + a)**2/((s + 3)*(s + 4))", {"a": 1})
+    channel = es.Channel(es.Dither(0.1), 1, lead)
+    system = make(None, vehicle, channels=(channel, channel)).system
+    units = {str(symbol): unit for symbol, unit in system.units.items()}
+    assert [units[x] for x in ("x", "v_x", "a_x")] == ["m", "m/s", "m/s^2"]
+    assert [units[x] for x in ("y", "y_2")] == ["m", "m/s"]
+    assert [units[x] for x in ("zeta_x_1", "zeta_x_2", "u_x")] == ["m/s^3", "m/s^4", "m/s^3"]
+    by_path = {p.path: p.unit for p in system.parameters}
+    assert by_path["controller.channels.0.gain"] == "m/s^3"
+    assert by_path["vehicle.axes.1.den.0"] == "1/s"
+    assert by_path["field.q.0"] == "1/m^2"
+
+
+def test_eleven_axes_do_not_collide() -> None:
+    """Axis 1's second compensator state and axis 11's first have names of their own."""
+    second = es.Channel(es.Dither(0.1), 1, "(s + 1)/((s + 2)*(s + 3))")  # pyright: ignore
+    loop = es.Loop(
+        es.Quadratic((0,) * 11, (1,) * 11),
+        es.PointMass((1 / s,) * 11),
+        es.GradientES(30, 1, (second,) * 11),
+        (0,) * 11,
+    )
+    states = loop.system.states
+    assert len({str(x) for x in states}) == len(states) == 11 + 22 + 1

@@ -96,7 +96,7 @@ def starts(draw: st.DrawFn, vehicle: es.PointMass) -> Any:
         st.sampled_from(
             [
                 position,
-                es.AtRest(position),
+                position,
                 es.OnDither(position),
                 {name: draw(NUMBERS) for name in vehicle.state_names()},
             ]

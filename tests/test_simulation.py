@@ -70,7 +70,7 @@ def test_rotation_turns_the_path_of_a_quadrature_pair_with_rotated_phases(make: 
         np.array([-1.0, -1.0]),
         np.array([0.5, 1]),
     )
-    start = es.OnDither if make is force_actuated else es.AtRest
+    start = es.OnDither if make is force_actuated else tuple
     phases = np.array([0.0, -np.pi / 2])
     loop = make(**{"field.q": q, "field.source": source, "start": start(tuple(begin))})
     turned_q = turn @ q @ turn.T
@@ -301,12 +301,15 @@ def test_times_can_be_given() -> None:
         ({"samples": [0.0, 9.0]}, "0 … t_end"),
         ({"tol": 0.0}, "tol"),
         ({"engine": "euler"}, "taylor, reference"),
+        ({"engine": ["taylor"]}, "taylor, reference"),
+        ({"tol": "small"}, "tol"),
+        ({"loop": "fig4"}, "must be a Loop"),
         ({"t_end": 1e12}, "samples"),
     ],
 )
 def test_arguments_that_cannot_be_right_are_refused(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(es.InvalidDescription, match=words):
-        es.simulate(velocity_actuated(), **{"t_end": 4.0, **arguments})
+        es.simulate(**{"loop": velocity_actuated(), "t_end": 4.0, **arguments})
 
 
 def test_a_hole_that_only_a_sample_hits_is_marked() -> None:

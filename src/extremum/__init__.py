@@ -34,7 +34,7 @@ from .fields import (
     field_from,
 )
 from .gridded import Grid, Gridded
-from .loop import AtRest, InState, Loop, OnDither, Start
+from .loop import InState, Loop, OnDither, Start
 from .lti import Lead, Rational, Transfer, TransferFunction
 from .parameters import Parameter
 from .paths import Along, Circle, FigureEight, Line, Path
@@ -68,7 +68,6 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Along",
-    "AtRest",
     "Channel",
     "Circle",
     "Controller",

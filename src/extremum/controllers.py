@@ -11,6 +11,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from .declarations import is_none
 from .description import Description, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown
@@ -18,10 +19,6 @@ from .lti import Transfer, TransferFunction, transfer
 from .rational import at_frequency, ratio
 from .symbols import axis_names, is_quarter_turn, parse, parse_number, plain, s, t
 from .validation import number
-
-
-def _is_none(given: Any) -> bool:
-    return given is None
 
 
 class Excitation(Description, abstract=True):
@@ -58,7 +55,7 @@ class Dither(Excitation):
         "G whose inverse makes the probe",
         default=None,
         converter=lambda given: given if given is None else transfer(given),
-        literal=_is_none,
+        literal=is_none,
     )
 
 
@@ -141,7 +138,7 @@ class Channel(Description):
         Transfer, "C(s)", default=TransferFunction(), converter=lambda given: transfer(given)
     )
     reference: Reference | None = part(
-        Reference, "what demodulates", default=None, converter=_as_reference, literal=_is_none
+        Reference, "what demodulates", default=None, converter=_as_reference, literal=is_none
     )
     ratio: Fraction | float = value(
         "rho",
@@ -190,8 +187,11 @@ class Controller(Description, abstract=True):
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
-    def motion(self, axis: int) -> tuple[Any, Any, Any] | None:
-        """Return (amplitude, frequency, phase) of the axis' steady dither, None if not stated."""
+    def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
+        """Return amplitude, frequency and phase of the axis' probe, and the 1/G it goes through.
+
+        G is None for the axis' own. None if the probe is stated otherwise or not steady from t = 0.
+        """
         raise NotImplementedError  # pragma: no cover - abstract
 
 
@@ -243,7 +243,7 @@ class GradientES(Controller):
         "T of the probe's ramp 1 − e^(−t/T)",
         default=None,
         positive=True,
-        literal=_is_none,
+        literal=is_none,
     )
 
     def inputs(self) -> int:
@@ -273,12 +273,13 @@ class GradientES(Controller):
                 "choose another frequency or `through`",
             )
 
-    def motion(self, axis: int) -> tuple[Any, Any, Any] | None:
-        """Return (α, ω_i, φ), or None for a `Probe` or a probe that is not steady from t = 0."""
+    def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
+        """Return (α, ω_i, φ, G), or None for a `Probe` or a probe that is not steady from t = 0."""
         dither = self.channels[axis].dither
         if not isinstance(dither, Dither) or self.probe_ramp is not None:
             return None
-        return dither.amplitude, self.frequencies()[axis], dither.phase
+        through = None if dither.through is None else dither.through.law()
+        return dither.amplitude, self.frequencies()[axis], dither.phase, through
 
     def compose(
         self,
@@ -293,7 +294,7 @@ class GradientES(Controller):
         start = {"signal": signal, "zero": sympy.Integer(0)}.get(
             str(self.washout_start), self.washout_start
         )
-        eta = diagram.filter(h / (s + h), signal, ["eta"], ["1"], [start])
+        eta = diagram.filter(h / (s + h), signal, ["eta"], "1", [start])
         xi = diagram.signal("xi", signal - eta, "1")
         bound = []
         for index, (channel, frequency) in enumerate(
@@ -306,8 +307,8 @@ class GradientES(Controller):
             order = ratio(law).order
             if law != 1:
                 entering = diagram.signal(f"m_{name}", demodulated, unit)
-                states = [f"zeta_{name}{i + 1 if order > 1 else ''}" for i in range(order)]
-                output = diagram.filter(law, entering, states, [unit] * order)
+                states = [f"zeta_{name}" + (f"_{i + 1}" if order > 1 else "") for i in range(order)]
+                output = diagram.filter(law, entering, states, unit)
                 demodulated = diagram.signal(f"w_{name}", output, unit)
             probe = self._probe(diagram, channel, frequency, plants[index])
             bound.append(diagram.signal(inputs[index], probe + demodulated, unit))

@@ -112,7 +112,7 @@ class Table(Mapping[str, Any]):
         return len(self._items)
 
     def __hash__(self) -> int:
-        return hash(tuple(self._items.items()))
+        return hash(frozenset(self._items.items()))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mapping) and self._items == dict(other)
@@ -133,6 +133,11 @@ def declarations(cls: type) -> dict[str, Meta]:
             if "extremum" in field.metadata
         }
     return _DECLARED[cls]
+
+
+def is_none(given: Any) -> bool:
+    """Return whether an entry is left out."""
+    return given is None
 
 
 def is_number(item: Any, meta: Meta) -> bool:

@@ -45,12 +45,23 @@ class Description:
     """
 
     registry: ClassVar[dict[str, type[Description]]] = {}
+    root: ClassVar[bool] = False
+    """Whether dotted paths start here, so that messages need not name the class."""
 
     def __init_subclass__(cls, *, abstract: bool = False, **options: Any) -> None:
         super().__init_subclass__(**options)
         dataclass(frozen=True)(cls)
-        if not abstract:
-            Description.registry[cls.__name__] = cls
+        if abstract:
+            return
+        bare = [f.name for f in dataclasses.fields(cls) if "extremum" not in f.metadata]  # pyright: ignore[reportArgumentType]
+        if bare:
+            raise TypeError(
+                f"{cls.__name__}.{bare[0]}: declare it with value(), part() or structure()"
+            )
+        known = Description.registry.get(cls.__name__)
+        if known is not None and known.__module__ != cls.__module__:
+            raise TypeError(f"{known.__module__} has a class {cls.__name__}; take another name")
+        Description.registry[cls.__name__] = cls
 
     def __post_init__(self) -> None:
         for name, meta in declarations(type(self)).items():
@@ -66,7 +77,7 @@ class Description:
 
     def _owned(self, error: InvalidDescription, name: str) -> InvalidDescription:
         inner = error.within(name)
-        owner = "" if type(self).__name__ in ("Loop", "Scenario") else type(self).__name__
+        owner = "" if self.root else type(self).__name__
         return InvalidDescription(inner.path, inner.reason, inner.value, owner)
 
     def check(self) -> None:
@@ -117,6 +128,10 @@ def _skeleton(item: Any, values: list[float], meta: Meta | None = None) -> Any:
     if is_number(item, meta):
         values.append(item)
         return float
+    try:
+        hash(item)
+    except TypeError:
+        return ("the same object", id(item))  # which the system keeps alive
     return item
 
 

@@ -7,6 +7,7 @@ blocks into states as they are drawn: this one into differential equations.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import sympy
 from sympy import Expr, Symbol
@@ -14,6 +15,18 @@ from sympy import Expr, Symbol
 from .lti import realise
 from .rational import response_parts
 from .symbols import cosine, sine, t
+
+RESERVED: Final = frozenset(("position", "input", "source", "sensor", "time", "axis", "t", "s"))
+"""Names that results and expressions give a meaning to."""
+
+
+def per_second(unit: str, count: int) -> str:
+    """Return a unit divided by s^count: m, m/s, m/s^2, …."""
+    if not count:
+        return unit
+    base, _, power = unit.partition("/s")
+    total = count + (int(power.lstrip("^") or 1) if "/s" in unit else 0)
+    return f"{base}/s" if total == 1 else f"{base}/s^{total}"
 
 
 class Diagram:
@@ -31,24 +44,34 @@ class Diagram:
         """Name an expression and return its symbol."""
         symbol = Symbol(name, real=True)
         self.signals.append((symbol, expression))
-        self.units[symbol] = unit
+        self._add(symbol, unit)
         return symbol
+
+    def _add(self, symbol: Symbol, unit: str) -> None:
+        if symbol in self.units or symbol.name in RESERVED:
+            raise ValueError(f"the name {symbol} is taken; a state or signal needs one of its own")
+        self.units[symbol] = unit
 
     def filter(
         self,
         transfer: Expr,
         entering: Expr,
         names: Sequence[str],
-        units: Sequence[str],
+        unit: str,
         initial: Sequence[Expr] | None = None,
     ) -> Expr:
-        """Draw a transfer function; return its output. `names` name its states."""
+        """Draw a transfer function; return its output, whose unit is `unit`.
+
+        `names` name its states, the first of which has the output's unit, the next that per second
+        and so on; `initial` are their values at t = 0 (default 0).
+        """
         states = tuple(Symbol(name, real=True) for name in names)
         block = realise(transfer, entering, states)
         self.states += states
         self.rhs += block.rates
         self.initial += initial if initial is not None else [sympy.Integer(0)] * len(states)
-        self.units.update(zip(states, units, strict=True))
+        for index, state in enumerate(states):
+            self._add(state, per_second(unit, index))
         return block.output
 
     def sine(self, frequency: Expr, phase: Expr | float, response: Expr | None = None) -> Expr:

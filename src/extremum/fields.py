@@ -20,7 +20,7 @@ from sympy.printing.str import StrPrinter
 from .description import Description, part, structure, value
 from .errors import InvalidDescription, shown, suggestion
 from .paths import Path, as_path
-from .symbols import FUNCTIONS, coordinates, decimals_exact, is_coordinate, parse, plain, t
+from .symbols import FUNCTIONS, coordinates, decimals_exact, is_coordinate, letters, parse, plain, t
 from .system import Oracle
 
 
@@ -193,10 +193,6 @@ def _scaled(offset: Sequence[Expr], width: Any) -> Expr:
     return sympy.Add(*(x**2 for x in offset)) / width**2
 
 
-def _no_parameters(given: Any) -> Any:
-    return {} if given is None else given
-
-
 class Expression(Field):
     """J as a formula in x, y, z (x1 … xn beyond three axes), t and named parameters.
 
@@ -214,7 +210,7 @@ class Expression(Field):
 
     formula: str = structure("J as mathematics in x, y, z, t and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", converter=_no_parameters
+        "", "", "values of the letters", default=None, shape="table"
     )
 
     def check(self) -> None:
@@ -226,10 +222,7 @@ class Expression(Field):
                 raise InvalidDescription(f"parameters.{name}", "is the name of a coordinate")
         numbered = [int(n) for n in re.findall(r"\bx(\d{1,3})\b", self.formula)]
         try:
-            self._read(
-                {name: Symbol(name) for name in self.parameters},
-                coordinates(max(numbered, default=3)),
-            )
+            self._read(letters(self.parameters), coordinates(max(numbered, default=3)))
         except InvalidDescription as error:
             raise error.within("formula") from None
 
@@ -270,7 +263,7 @@ def field_from(
             raise InvalidDescription(name, f"is neither a coordinate, t nor a parameter; {hint}")
     symbols = {name: t if name == "t" else Symbol(name, real=True) for name in names}
     try:
-        traced = sympy.sympify(function(**symbols))
+        traced = sympy.sympify(function(**symbols), strict=True)
     except Exception as error:
         raise InvalidDescription(
             "",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +25,7 @@ MIN_POINTS: Final = 4
 PACKAGED: Final = "matplotlib:"
 
 
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Grid:
     """Values J on the product of one axis per coordinate; immutable, equal by content.
 
@@ -40,6 +43,10 @@ class Grid:
     InvalidDescription
         For axes that are not monotonic or too short, values that do not fit them, or NaN.
     """
+
+    axes: tuple[NDArray[np.float64], ...]
+    values: NDArray[np.float64]
+    origin: Mapping[str, Any] | None
 
     def __init__(
         self, axes: Sequence[Any], values: Any, origin: Mapping[str, Any] | None = None
@@ -60,9 +67,9 @@ class Grid:
                 f"{int(bad.sum())} of {bad.size} are NaN or infinite, the first at index {first}; "
                 "fill or cut them first",
             )
-        self.axes = tuple(_frozen(line) for line in lines)
-        self.values = _frozen(table)
-        self.origin = dict(origin) if origin else None
+        object.__setattr__(self, "axes", tuple(_frozen(line) for line in lines))
+        object.__setattr__(self, "values", _frozen(table))
+        object.__setattr__(self, "origin", MappingProxyType(dict(origin)) if origin else None)
 
     @cached_property
     def digest(self) -> str:
@@ -231,7 +238,7 @@ def _located(file: Any) -> Path:
 def _read_npz(path: Path, table: Mapping[str, Any]) -> tuple[list[Any], Any]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = {name: archive[name] for name in archive.files}
-    names = [name for name, array in arrays.items() if array.ndim > 1]
+    names = [n for n, array in arrays.items() if array.ndim > 1 or n == table.get("variable")]
     variable = _variable(table, names)
     values = arrays[variable]
     dims = _dims(table, values.ndim)

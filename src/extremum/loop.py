@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,22 +30,6 @@ class Start(Description, abstract=True):
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
         """Return the vehicle's state, in the order of its state names."""
         raise NotImplementedError  # pragma: no cover - abstract
-
-
-class AtRest(Start):
-    """At rest at a position: every derivative of the position is zero.
-
-    Parameters
-    ----------
-    position
-        Coordinates (m).
-    """
-
-    position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
-
-    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
-        """Return the state at rest there."""
-        return vehicle.rest(self.position)  # pyright: ignore[reportArgumentType]
 
 
 class OnDither(Start):
@@ -120,6 +105,8 @@ class Loop(Description):
     InvalidDescription
         Where the parts do not fit each other, with the dotted path and the smallest change.
     """
+
+    root = True
 
     field: Field = part(Field, "the map that is maximised")
     vehicle: Vehicle = part(Vehicle, "from inputs to position")
@@ -215,7 +202,7 @@ class Loop(Description):
 
 
 _KEPT = 256
-_LOCK = threading.Lock()
+_LOCK = threading.RLock()
 _SYSTEMS: dict[Any, System] = {}
 
 
@@ -232,8 +219,10 @@ def _assemble(loop: Loop) -> System:
 
 def _compose(loop: Loop, reserved: frozenset[str]) -> System:
     names, units = loop.vehicle.input_names(), loop.vehicle.input_units()
-    axes = axis_names(loop.vehicle.dimension())
-    twin, parameters = symbolic(loop, len(axes), dict(zip(axes, units, strict=False)), reserved)
+    letters = axis_names(max(loop.vehicle.dimension(), len(names)))
+    twin, parameters = symbolic(
+        loop, len(letters), dict(zip(letters, units, strict=False)), reserved
+    )
     diagram = Diagram()
     inputs = tuple(Symbol(name, real=True) for name in names)
     initial = _initial(twin.start, twin.vehicle, twin.controller)
@@ -254,12 +243,12 @@ def _compose(loop: Loop, reserved: frozenset[str]) -> System:
         rhs=tuple(diagram.rhs),
         initial=tuple(plain(e) for e in diagram.initial),
         inputs=inputs,
-        outputs=outputs,
+        outputs=MappingProxyType(outputs),
         signals=tuple(diagram.signals),
         parameters=parameters,
-        units=diagram.units,
+        units=MappingProxyType(diagram.units),
         carriers=tuple(diagram.carriers),
-        oracles=loop.field.oracles(),
+        oracles=MappingProxyType(dict(loop.field.oracles())),
     )
 
 

@@ -19,7 +19,7 @@ from .description import Description, structure, value
 from .errors import InvalidDescription, shown
 from .parameters import symbolic
 from .rational import Ratio, ratio
-from .symbols import decimals_exact, exact, parse, plain, s
+from .symbols import decimals_exact, exact, letters, parse, plain, s
 
 
 class Transfer(Description, abstract=True):
@@ -59,7 +59,7 @@ class TransferFunction(Transfer):
     gain: float = value("k", "", "the leading coefficient", default=1.0, literal=lambda g: g == 1.0)
     num: tuple[float, ...] = value(
         "b",
-        "",
+        "{per}",
         "numerator below its leading 1, highest power first",
         default=(),
         shape="coefficients",
@@ -67,7 +67,7 @@ class TransferFunction(Transfer):
     )
     den: tuple[float, ...] = value(
         "a",
-        "",
+        "{per}",
         "denominator below its leading 1, highest power first",
         default=(),
         shape="coefficients",
@@ -114,10 +114,6 @@ class Lead(Transfer):
         return plain(self.gain) * (s - plain(self.zero)) / (s - plain(self.pole))
 
 
-def _parameters(given: Any) -> Any:
-    return {} if given is None else given
-
-
 class Rational(Transfer):
     """A transfer function whose letters survive into the equations.
 
@@ -127,7 +123,7 @@ class Rational(Transfer):
 
     formula: str = structure("a rational expression of s and the parameters")
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", converter=_parameters
+        "", "", "values of the letters", default=None, shape="table"
     )
 
     def check(self) -> None:
@@ -135,11 +131,12 @@ class Rational(Transfer):
         if not isinstance(self.formula, str):
             raise InvalidDescription("formula", "must be text", shown(self.formula))
         try:
-            form = ratio(self._read({name: Symbol(name) for name in self.parameters}))
+            form = ratio(self._read(letters(self.parameters)))
         except InvalidDescription as error:
             raise error.within("formula") from None
         _check_proper(form.numerator_degree, form.order, self.formula)
-        put: dict[Any, Any] = {Symbol(name): plain(v) for name, v in self.parameters.items()}
+        named = letters(self.parameters)
+        put: dict[Any, Any] = {named[name]: plain(v) for name, v in self.parameters.items()}
         coefficients = (*form.numerator, *form.denominator)
         if any(cast(Any, c).subs(put).is_finite is False for c in coefficients):
             raise InvalidDescription(
@@ -198,12 +195,10 @@ class Realisation:
     output
         y.
     rest
-        The states with output 1 and, without input, every derivative of the output 0: what "at
-        rest at position 1" means; multiplied by a position, the vehicle rests there.
+        The states with output 1 and, without input, the derivatives of the output below the order
+        0: what "at rest at position 1" means; multiplied by a position, the vehicle rests there.
     response
         X(s)/U(s), each state's transfer function from the input.
-    derivatives
-        Whether state i + 1 is the i-th derivative of the output (phase variables).
     """
 
     states: tuple[Symbol, ...]
@@ -211,12 +206,6 @@ class Realisation:
     output: Expr
     rest: tuple[Expr, ...]
     response: tuple[Expr, ...]
-
-
-def has_derivative_states(expression: Expr) -> bool:
-    """Return whether the states are the output and its derivatives (constant numerator)."""
-    form = ratio(expression)
-    return form.numerator_degree == 0 and form.order > 0
 
 
 def realise(expression: Expr, entering: Expr, states: tuple[Symbol, ...]) -> Realisation:

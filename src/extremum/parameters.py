@@ -113,7 +113,9 @@ class _Names:
             name, count = f"{name.rstrip('0123456789')}{count}", count + 1
         self.taken.add(name)
         symbol = sympy.Symbol(name, real=True, positive=True if meta.positive else None)
-        unit = meta.unit.format(input=self.units.get(axis or "", "1"))
+        place = int(path.rpartition(".")[2]) if meta.shape == "coefficients" else 0
+        per = "1/s" if place == 0 else f"1/s^{place + 1}"
+        unit = meta.unit.format(input=self.units.get(axis or "", "1"), per=per)
         self.parameters.append(Parameter(symbol, path, unit))
         return symbol
 

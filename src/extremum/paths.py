@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from sympy import Expr, Symbol
+from sympy import Expr
 
 from .description import Description, structure, value
 from .errors import InvalidDescription, shown
-from .symbols import cosine, is_quarter_turn, parse, plain, sine, t
+from .symbols import cosine, is_quarter_turn, letters, parse, plain, sine, t
 
 
 class Path(Description, abstract=True):
@@ -88,10 +88,6 @@ class Line(Path):
         return tuple(v * t for v in self.velocity)
 
 
-def _no_parameters(given: Any) -> Any:
-    return {} if given is None else given
-
-
 def _texts(given: Any) -> Any:
     if isinstance(given, str) or not hasattr(given, "__iter__"):
         raise InvalidDescription("", "must be a tuple with one expression per axis", shown(given))
@@ -111,12 +107,12 @@ class Along(Path):
 
     formulas: tuple[str, ...] = structure("one expression in t per axis", converter=_texts)
     parameters: Mapping[str, float] = value(
-        "", "", "values of the letters", default=None, shape="table", converter=_no_parameters
+        "", "", "values of the letters", default=None, shape="table"
     )
 
     def check(self) -> None:
         """Refuse text that cannot be read."""
-        self._read({name: Symbol(name) for name in self.parameters})
+        self._read(letters(self.parameters))
 
     def _read(self, names: Mapping[str, Any]) -> tuple[Expr, ...]:
         read = []

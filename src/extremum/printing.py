@@ -37,7 +37,7 @@ _GREEK: dict[str, str] = {
     "psi": "ψ",
     "omega": "ω",
 }
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def symbol_text(name: str) -> str:
@@ -56,7 +56,7 @@ class _Text(StrPrinter):
         base, exponent = expr.as_base_exp()
         if exponent.is_Integer and exponent > 0:
             inner = self.parenthesize(base, precedence(expr), strict=False)
-            return inner + str(exponent).translate(_SUPERSCRIPTS)
+            return inner + str(exponent).translate(SUPERSCRIPTS)
         if exponent == sympy.Rational(1, 2):
             return f"√({self._print(base)})"
         if exponent.is_Rational and exponent < 0:

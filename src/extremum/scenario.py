@@ -24,10 +24,6 @@ from .lti import Transfer, transfer
 from .validation import number
 
 
-def _none(given: Any) -> bool:
-    return given is None
-
-
 def _count(given: Any) -> Any:
     if given is None or (isinstance(given, int) and not isinstance(given, bool) and given >= 2):
         return given
@@ -114,6 +110,8 @@ class Scenario(Description):
     view
         `View`: ranges of the figure's axes.
     """
+
+    root = True
 
     loop: Loop = part(Loop, "the loop")
     run: Run = part(Run, "duration and samples")

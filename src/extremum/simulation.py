@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .engines import reference, taylor
-from .engines.trajectory import LEFT, UNDEFINED, Progress, Trajectory
+from .engines.trajectory import COMPLETED, LEFT, UNDEFINED, Progress, Trajectory
 from .errors import InvalidDescription, shown
 from .extremes import extremes
 from .loop import Loop
@@ -85,7 +85,8 @@ def simulate(
     if not isinstance(loop, Loop):
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
     times = _times(loop, t_end, samples)
-    if not 1e-16 < _checked("tol", tol) < 1e-1:
+    tol, t_end = _checked("tol", tol), _checked("t_end", t_end)
+    if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
     system, values = loop.system, loop.values.tolist()
     name = _engine(system, engine)
@@ -179,6 +180,10 @@ def _engine(system: System, engine: str | None) -> str:
         return "reference" if system.oracles or not taylor.available() else "taylor"
     if not isinstance(engine, str) or engine not in ENGINES:
         raise InvalidDescription("engine", f"must be one of {', '.join(ENGINES)}", shown(engine))
+    if engine == "taylor" and not taylor.available():
+        raise InvalidDescription(
+            "engine", 'cannot be "taylor": heyoka is not installed; leave it out, or install it'
+        )
     if engine == "taylor" and system.oracles:
         raise InvalidDescription(
             "engine", 'cannot be "taylor": the field is known by its values only; leave it out'
@@ -190,7 +195,7 @@ def _start(system: System, values: list[float]) -> list[float]:
     try:
         state = [float(x) for x in system.start(values)]
         if system.guards:
-            margin = min(system.function(system.guards, vector=False)(0.0, state, values))
+            margin = min(system.margins(0.0, state, values))
             if margin < 0:
                 raise InvalidDescription(
                     "start", f"lies {-margin:g} m outside the field's data; start inside"
@@ -218,7 +223,8 @@ def _cut(
     finite = np.logical_and.reduce([np.isfinite(o).all(axis=1) for o in outputs.values()])
     count = int(np.argmin(finite))
     times, states = run.times[:count], run.states[:count]
-    shorter = Trajectory(times, states, LEFT, float(times[-1]), states[-1])
+    outcome = LEFT if run.outcome == COMPLETED else run.outcome
+    shorter = Trajectory(times, states, outcome, float(times[-1]), states[-1])
     return shorter, {name: o[:count] for name, o in outputs.items()}
 
 

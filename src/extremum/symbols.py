@@ -7,9 +7,10 @@ written with them can be printed, differentiated and integrated by every engine.
 from __future__ import annotations
 
 import ast
+import keyword
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, cast
 
 import sympy
@@ -57,6 +58,11 @@ def coordinates(dimension: int) -> tuple[Symbol, ...]:
     return tuple(Symbol(name, real=True) for name in axis_names(dimension))
 
 
+def letters(names: Iterable[str]) -> dict[str, Symbol]:
+    """Return real symbols for parameters of these names."""
+    return {name: Symbol(name, real=True) for name in names}
+
+
 def is_coordinate(text: str) -> bool:
     """Return whether `text` is the name of a coordinate: x, y, z, x1, x2, …."""
     return text in {"x", "y", "z"} or bool(re.fullmatch(r"x[1-9]\d*", text))
@@ -64,7 +70,8 @@ def is_coordinate(text: str) -> bool:
 
 def is_name(text: str) -> bool:
     """Return whether `text` may name a parameter: an ASCII identifier that nothing else uses."""
-    return text.isascii() and text.isidentifier() and text not in {*FUNCTIONS, "pi", "s", "t"}
+    taken = text in {*FUNCTIONS, "pi", "s", "t"} or keyword.iskeyword(text)
+    return text.isascii() and text.isidentifier() and not taken
 
 
 def exact(number: float) -> Rational:

@@ -102,6 +102,11 @@ class System:
             for guard in self.oracles[call.func.__name__].guards(call.args)
         )
 
+    @cached_property
+    def margins(self) -> Compiled:
+        """(t, state, values) → the guards' values, on floats."""
+        return self.function(self.guards, vector=False)
+
     def function(self, expressions: Sequence[Expr], *, vector: bool) -> Compiled:
         """Return a callable (t, state, values) → list of the expressions' values.
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import sympy
 
 from .declarations import Meta, Table
@@ -82,7 +83,9 @@ def _scalar(given: Any, meta: Meta) -> float:
 
 
 def _is_sequence(given: Any) -> bool:
-    return not isinstance(given, str | bytes | Mapping) and hasattr(given, "__len__")
+    if isinstance(given, np.ndarray):
+        return given.ndim > 0
+    return isinstance(given, Sequence) and not isinstance(given, str | bytes)
 
 
 def _vector(given: Any, meta: Meta) -> tuple[float, ...]:
@@ -128,6 +131,8 @@ def _scalar_or_vector(given: Any, meta: Meta) -> Any:
 
 
 def _table(given: Any, meta: Meta) -> Table:
+    if given is None:
+        return Table({})
     if not isinstance(given, Mapping):
         raise InvalidDescription("", "must map names to numbers", shown(given))
     items: dict[str, float] = {}

@@ -13,6 +13,7 @@ from typing import Any
 import sympy
 from sympy import Expr, Symbol
 
+from .declarations import is_none
 from .description import Description, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown
@@ -49,7 +50,7 @@ class Vehicle(Description, abstract=True):
         raise NotImplementedError  # pragma: no cover - abstract
 
     def dynamics(self) -> tuple[Expr | None, ...]:
-        """Return each axis' transfer function from input to position, None if it has none."""
+        """Return each input's transfer function to its position, None if it has none."""
         raise NotImplementedError  # pragma: no cover - abstract
 
     def compose(self, diagram: Diagram, inputs: Sequence[Symbol], initial: Sequence[Expr]) -> Body:
@@ -60,13 +61,14 @@ class Vehicle(Description, abstract=True):
         """Return the state at rest at `position`."""
         raise NotImplementedError  # pragma: no cover - abstract
 
-    def swing(self, axis: int, amplitude: Expr, frequency: Expr, phase: Any) -> tuple[Expr, ...]:
-        """Return the axis' state at t = 0 when its position is amplitude · sin(ωt + φ)."""
+    def swing(
+        self, axis: int, amplitude: Expr, frequency: Expr, phase: Any, through: Expr | None
+    ) -> tuple[Expr, ...]:
+        """Return the axis' steady state at t = 0 under the probe α sin(ωt + φ) through 1/G.
+
+        `through` is that G, None for the axis' own, whose position then is α sin(ωt + φ).
+        """
         raise NotImplementedError  # pragma: no cover - abstract
-
-
-def _disturbance(given: Any) -> bool:
-    return given is None
 
 
 class PointMass(Vehicle):
@@ -98,7 +100,7 @@ class PointMass(Vehicle):
         "d, a constant force at each input",
         default=None,
         shape="vector",
-        literal=_disturbance,
+        literal=is_none,
     )
 
     def check(self) -> None:
@@ -140,29 +142,27 @@ class PointMass(Vehicle):
 
     def state_names(self) -> tuple[str, ...]:
         """Return every axis' states' names, axis after axis."""
-        return tuple(name for names, _ in self._states() for name in names)
+        return tuple(name for names in self._states() for name in names)
 
-    def _states(self) -> list[tuple[list[str], list[str]]]:
+    def _states(self) -> list[list[str]]:
         states = []
         for axis, name in zip(self.axes, axis_names(len(self.axes)), strict=True):
             order = axis.form.order
             if axis.form.numerator_degree == 0:
                 names = [name, f"v_{name}", f"a_{name}"][:order]
-                names += [f"{name}_d{i}" for i in range(3, order)]
+                states.append(names + [f"{name}_d{i}" for i in range(3, order)])
             else:
-                names = [name, *(f"{name}_{i}" for i in range(2, order + 1))]
-            units = ["m", "m/s", *(f"m/s^{i}" for i in range(2, order))][:order]
-            states.append((names, units))
+                states.append([name, *(f"{name}_{i}" for i in range(2, order + 1))])
         return states
 
     def compose(self, diagram: Diagram, inputs: Sequence[Symbol], initial: Sequence[Expr]) -> Body:
         """Draw every axis as a filter driven by its input plus the disturbance."""
         pending = list(initial)
         position = []
-        for index, (axis, (names, units)) in enumerate(zip(self.axes, self._states(), strict=True)):
+        for index, (axis, names) in enumerate(zip(self.axes, self._states(), strict=True)):
             force = self.disturbance[index] if self.disturbance is not None else sympy.Integer(0)
             values, pending = pending[: len(names)], pending[len(names) :]
-            position.append(diagram.filter(axis.law(), inputs[index] + force, names, units, values))
+            position.append(diagram.filter(axis.law(), inputs[index] + force, names, "m", values))
         return Body(tuple(position), tuple(position))
 
     def rest(self, position: Sequence[Expr]) -> tuple[Expr, ...]:
@@ -172,9 +172,11 @@ class PointMass(Vehicle):
             states += [x * unit for unit in self._realised(axis).rest]
         return tuple(states)
 
-    def swing(self, axis: int, amplitude: Expr, frequency: Expr, phase: Any) -> tuple[Expr, ...]:
-        """Return Im[X_k(jω)/G(jω) · amplitude e^{jφ}] for each state k of the axis."""
-        law = self.axes[axis].law()
+    def swing(
+        self, axis: int, amplitude: Expr, frequency: Expr, phase: Any, through: Expr | None
+    ) -> tuple[Expr, ...]:
+        """Return Im[X_k(jω)/G(jω) · α e^{jφ}] for each state k of the axis."""
+        law = self.axes[axis].law() if through is None else through
         states = []
         for response in self._realised(self.axes[axis]).response:
             real, imaginary = response_parts(response / law, frequency)

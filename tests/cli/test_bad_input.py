@@ -99,7 +99,7 @@ ENTRIES = {
     "start of no class": (
         "start = [1, 1]",
         "start = { type = 'x' }",
-        ["start.type = 'x'", "AtRest"],
+        ["start.type = 'x'", "OnDither"],
     ),
     "missing key": ("t_end = 0.2", "", ["run.t_end: is missing"]),
     "missing table": ("[run]\nt_end = 0.2", "", ["run: is missing"]),

@@ -80,3 +80,26 @@ def test_chunks_for_progress_change_nothing() -> None:
     assert len(reached) == taylor.CHUNKS
     assert reached == sorted(reached)
     assert np.abs(shown.position.values - plain.position.values).max() < 1e-10
+
+
+def test_a_run_inside_a_progress_callback_disturbs_nothing() -> None:
+    loop = velocity_actuated()
+    plain = es.simulate(loop, 3.0)
+    other = loop.replace({"controller.channels.0.gain": 3.0})
+    nested = es.simulate(loop, 3.0, progress=lambda _: es.simulate(other, 0.1))
+    assert np.abs(nested.position.values - plain.position.values).max() < 1e-10
+
+
+def test_a_stiff_run_can_be_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """heyoka gives the control back between steps, so that Ctrl-C is seen inside one chunk."""
+    calls = []
+
+    def interrupt(_: object) -> bool:
+        calls.append(1)
+        if len(calls) > 50:
+            raise KeyboardInterrupt
+        return True
+
+    monkeypatch.setattr(taylor, "_always", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        es.simulate(velocity_actuated(), 100.0)

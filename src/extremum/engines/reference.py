@@ -86,8 +86,7 @@ def _rates(system: System, values: list[float]) -> Callable[[float, NDArray[np.f
 def _guard(system: System, values: list[float]) -> Callable[[float, NDArray[np.float64]], float]:
     if not system.guards:
         return lambda time, state: math.inf
-    guards = system.function(system.guards, vector=False)
-    return lambda time, state: min(guards(time, state.tolist(), values))
+    return lambda time, state: min(system.margins(time, state.tolist(), values))
 
 
 def _along(guard: Any, dense: Any, time: float) -> float:

@@ -58,34 +58,37 @@ def integrate(
     """
     integrator = _integrator(system, tol)
     start = system.start(values) if state is None else state
-    integrator.time = float(times[0])
-    integrator.state[:] = start
-    integrator.pars[:] = values[: len(integrator.pars)]  # up to the last one that occurs
     chunks = [times]
     if progress is not None:
         chunks = [times[max(part[0] - 1, 0) : part[-1] + 1] for part in _parts(len(times))]
     reached: list[NDArray[np.float64]] = []
-    outcome = COMPLETED
+    broken = False
     for index, chunk in enumerate(chunks):
-        status, *_, found = integrator.propagate_grid(chunk)
+        integrator.time = float(chunk[0])
+        integrator.state[:] = reached[-1][-1] if reached else start
+        integrator.pars[:] = values[: len(integrator.pars)]  # up to the last one that occurs
+        *_, found = integrator.propagate_grid(chunk, callback=_always)
         if not np.isfinite(found).all():
             found = found[: int(np.argmin(np.isfinite(found).all(axis=1)))]
         reached.append(found if index == 0 else found[1:])
         if progress is not None:
             progress(float(integrator.time))
         if len(found) < len(chunk):
-            outcome = str(status)
+            broken = True
             break
     states = reached[0] if len(reached) == 1 else np.concatenate(reached)
     if not len(states):  # the very first step overflows
         states = np.array([start], dtype=float)
     count = len(states)
-    if outcome == COMPLETED:
+    if not broken:
         return Trajectory(times, states, COMPLETED, float(times[-1]), states[-1])
-    last = states[-1] if count else np.array(start, dtype=float)
-    end_time, end_state = _last_finite(integrator, float(times[max(count - 1, 0)]), last)
+    end_time, end_state = _last_finite(integrator, float(times[count - 1]), states[-1])
     outcome = broken_off(system, end_time, list(end_state), values)
     return Trajectory(times[:count], states, outcome, end_time, end_state)
+
+
+def _always(_: Any) -> bool:
+    return True  # called between steps, where Python sees Ctrl-C
 
 
 def _parts(count: int) -> list[NDArray[np.int64]]:

@@ -16,8 +16,8 @@ COMPLETED: Final = "completed"
 ESCAPED: Final = "escaped"
 LEFT: Final = "left the data"
 
-STEEP: Final = 1e8
-"""A rate (per second) beyond which a run that broke off is an escape and not a domain's edge."""
+STEEP: Final = 1e6
+"""Growth per dither cycle beyond which a run that broke off escaped and met no domain's edge."""
 
 HUGE: Final = 1e100
 """A state beyond which a run that broke off is an escape: squares overflow soon."""
@@ -56,7 +56,9 @@ def broken_off(system: System, time: float, state: Sequence[float], values: Sequ
         return ESCAPED
     try:
         rates = system.rates(time, [float(x) for x in state], values)
-        steep = not all(math.isfinite(rate) and abs(rate) < STEEP for rate in rates)
+        cycle = (system.fastest_period(values) or 1.0) / (2 * math.pi)
+        limit = STEEP * (1 + float(np.abs(state).max())) / cycle
+        steep = not all(math.isfinite(rate) and abs(rate) < limit for rate in rates)
     except OverflowError:
         steep = True
     except UNDEFINED:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidDescription
 from ..fields import Field
+from ..printing import SUPERSCRIPTS
 from ..scenario import View, parse_scenario
 from ..symbols import coordinates, t
 
@@ -24,7 +25,6 @@ Interval = tuple[float, float]
 
 _BEFORE_ESCAPE: Final = 0.98
 _ROUNDING: Final = 1e-9
-_SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def unit_of(array: xarray.DataArray) -> str:
 def label(name: str, unit: str) -> str:
     """Return a symbol and its unit, $v_{x}$ (m/s²); the unit 1 is not shown."""
     symbol = f"${sympy.latex(sympy.Symbol(name))}$"
-    unit = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_SUPERSCRIPTS), unit)
+    unit = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPTS), unit)
     return symbol if unit == "1" else f"{symbol} ({unit})"
 
 
