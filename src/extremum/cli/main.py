@@ -29,15 +29,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InvalidDescription as error:
         return _complain(str(error))
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return 0
     except OSError as error:
+        _forget_output()
         return _complain(f"{error.filename or 'output'}: {error.strerror or error}")
     except MemoryError:
         return _complain("there is not enough memory for this run; give fewer run.samples")
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
+
+
+def _forget_output() -> None:
+    """Let what cannot be written be lost quietly, or Python complains of it again at its end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(message: str) -> int:
