@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import numbers
+from abc import abstractmethod
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -166,6 +167,7 @@ class Channel(Description):
 class Controller(Description, abstract=True):
     """From the signal J to the inputs. Subclasses draw it with `compose`."""
 
+    @abstractmethod
     def compose(
         self,
         diagram: Diagram,
@@ -178,21 +180,20 @@ class Controller(Description, abstract=True):
 
         `plants` are the axes' transfer functions, for probes that go through the axis' own.
         """
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def inputs(self) -> int:
         """Return how many inputs it drives."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
+    @abstractmethod
     def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
         """Return amplitude, frequency and phase of the axis' probe, and the 1/G it goes through.
 
         G is None for the axis' own. None if the probe is stated otherwise or not steady from t = 0.
         """
-        raise NotImplementedError  # pragma: no cover - abstract
 
 
 def _start_literal(given: Any) -> bool:

@@ -15,6 +15,7 @@ units, dotted paths, the scenario schema and the error messages:
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, dataclass_transform
@@ -38,7 +39,7 @@ __all__ = ["Description", "declarations", "flatten", "part", "structure", "value
 @dataclass_transform(
     frozen_default=True, field_specifiers=(value, part, structure, dataclasses.field)
 )
-class Description:
+class Description(ABC):  # noqa: B024 - its roles, Field and so on, have the abstract methods
     """Base of all descriptions; a subclass is made a frozen dataclass by being defined.
 
     Two descriptions are equal if their classes, structure and numbers are.
@@ -80,7 +81,7 @@ class Description:
         owner = "" if self.root else type(self).__name__
         return InvalidDescription(inner.path, inner.reason, inner.value, owner)
 
-    def check(self) -> None:
+    def check(self) -> None:  # noqa: B027 - most classes have nothing to add
         """Raise `InvalidDescription` where fields do not fit each other."""
 
     def replace(self, changes: Mapping[str, Any]) -> Self:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -27,9 +28,9 @@ from .system import Oracle
 class Field(Description, abstract=True):
     """A scalar map. Subclasses state `law`; those known by values only add `oracles`."""
 
+    @abstractmethod
     def law(self, p: Sequence[Expr]) -> Expr:
         """Return J at position `p`, an expression of the coordinates, `t` and the parameters."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
     def dimension(self) -> int | None:
         """Return the number of coordinates the field wants, or None if any."""

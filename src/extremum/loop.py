@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
@@ -27,9 +28,9 @@ from .vehicles import Vehicle
 class Start(Description, abstract=True):
     """The vehicle's state at t = 0."""
 
+    @abstractmethod
     def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
         """Return the vehicle's state, in the order of its state names."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
 
 class OnDither(Start):

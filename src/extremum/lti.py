@@ -7,6 +7,7 @@ exact zeros, leading ones, a text's letters) is structure.
 from __future__ import annotations
 
 import numbers
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,9 +26,9 @@ from .symbols import decimals_exact, exact, letters, parse, plain, s
 class Transfer(Description, abstract=True):
     """A proper rational transfer function; subclasses state it as `law`."""
 
+    @abstractmethod
     def law(self) -> Expr:
         """Return the transfer function as an expression in `s`."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
     def text(self) -> str | None:
         """Return the text that writes it in a scenario, or None if it is written as a table."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,9 +16,9 @@ from .symbols import cosine, is_quarter_turn, letters, parse, plain, sine, t
 class Path(Description, abstract=True):
     """A displacement over time; subclasses state `law`."""
 
+    @abstractmethod
     def law(self) -> tuple[Expr, ...]:
         """Return d(t), one expression per axis."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
     def dimension(self) -> int:
         """Return the number of coordinates."""

@@ -6,6 +6,7 @@ axes are independent linear dynamics.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -33,34 +34,35 @@ class Body:
 class Vehicle(Description, abstract=True):
     """Motion from inputs to position. Subclasses draw it with `compose`."""
 
+    @abstractmethod
     def dimension(self) -> int:
         """Return the number of coordinates."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def input_names(self) -> tuple[str, ...]:
         """Return the inputs' names."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def input_units(self) -> tuple[str, ...]:
         """Return the inputs' units."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def state_names(self) -> tuple[str, ...]:
         """Return the states' names."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def dynamics(self) -> tuple[Expr | None, ...]:
         """Return each input's transfer function to its position, None if it has none."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def compose(self, diagram: Diagram, inputs: Sequence[Symbol], initial: Sequence[Expr]) -> Body:
         """Draw the vehicle: its states with the given initial values, driven by `inputs`."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def rest(self, position: Sequence[Expr]) -> tuple[Expr, ...]:
         """Return the state at rest at `position`."""
-        raise NotImplementedError  # pragma: no cover - abstract
 
+    @abstractmethod
     def swing(
         self, axis: int, amplitude: Expr, frequency: Expr, phase: Any, through: Expr | None
     ) -> tuple[Expr, ...]:
@@ -68,7 +70,6 @@ class Vehicle(Description, abstract=True):
 
         `through` is that G, None for the axis' own, whose position then is α sin(ωt + φ).
         """
-        raise NotImplementedError  # pragma: no cover - abstract
 
 
 class PointMass(Vehicle):
