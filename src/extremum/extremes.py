@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,15 +37,18 @@ def extremes(
     """
     if len(run.times) < 2:
         return {name: (column[0], column[0]) for name, column in outputs.items()}
-    wanted = [
-        (name, component, sign, _highest(run.times, sign * column[:, component]))
+    signed = [
+        (name, component, sign)
         for name, column in outputs.items()
         for component in range(column.shape[1])
         for sign in (-1.0, 1.0)
     ]
+    rows = np.stack([sign * outputs[name][:, c] for name, c, sign in signed])
+    highest = _highest(run.times, rows)
+    wanted = [(*named, index) for named, index in zip(signed, highest, strict=True)]
     around = _around(system, values, run, {index for *_, index in wanted}, again)
     columns = [sign * around[index][name][:, c] for name, c, sign, index in wanted]
-    sampled = [sign * outputs[name][index, c] for name, c, sign, index in wanted]
+    sampled = rows[np.arange(len(rows)), highest]
     with np.errstate(all="ignore"):  # near an escape the square of a difference overflows
         refined = _peaks(_TO_GRID @ np.stack(columns, axis=1))
     peaks = np.fmax(sampled, np.where(np.isfinite(refined), refined, -np.inf))
@@ -54,25 +58,29 @@ def extremes(
     return {name: (np.array(found[name, -1.0]), np.array(found[name, 1.0])) for name in outputs}
 
 
-def _highest(times: NDArray[np.float64], column: NDArray[np.float64]) -> int:
-    """Return the sample nearest to the maximum: that whose parabola rises highest.
+def _highest(times: NDArray[np.float64], rows: NDArray[np.float64]) -> list[int]:
+    """Return for each row the sample nearest to its maximum: that whose parabola rises highest.
 
     Of two crests the one that a sample happens to hit looks higher than it is.
     """
-    inner = column[1:-1]
-    crests = 1 + np.flatnonzero((inner >= column[:-2]) & (inner >= column[2:]))
-    best = int(np.argmax(column))
-    if not len(crests):
-        return best
-    before, after = times[crests] - times[crests - 1], times[crests + 1] - times[crests]
+    best = np.argmax(rows, axis=1).tolist()
+    inner = rows[:, 1:-1]
+    row, crest = np.nonzero((inner >= rows[:, :-2]) & (inner >= rows[:, 2:]))
+    crest += 1
+    before, after = times[crest] - times[crest - 1], times[crest + 1] - times[crest]
     with np.errstate(all="ignore"):  # on a plateau, and near an escape
-        rise = (column[crests] - column[crests - 1]) / before
-        fall = (column[crests + 1] - column[crests]) / after
+        rise = (rows[row, crest] - rows[row, crest - 1]) / before
+        fall = (rows[row, crest + 1] - rows[row, crest]) / after
         slope = (rise * after + fall * before) / (before + after)
         bend = (rise - fall) / (before + after)
-        tops = column[crests] + np.nan_to_num(slope**2 / (4 * bend), posinf=0.0)
-    crest = int(np.argmax(tops))
-    return int(crests[crest]) if tops[crest] >= column[best] else best
+        tops = rows[row, crest] + np.nan_to_num(slope**2 / (4 * bend), posinf=0.0)
+    bounds = np.searchsorted(row, np.arange(len(rows) + 1))
+    for index, (first, last) in enumerate(pairwise(bounds)):
+        if last > first:
+            top = first + int(np.argmax(tops[first:last]))
+            if tops[top] >= rows[index, best[index]]:
+                best[index] = int(crest[top])
+    return best
 
 
 def _around(

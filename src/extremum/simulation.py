@@ -26,7 +26,7 @@ TOLERANCE: Final = 1e-12
 MIN_SAMPLES: Final = 2000
 MAX_SAMPLES: Final = 20_000_000
 SAMPLES_PER_PERIOD: Final = 20
-DENSE_PER_PERIOD: Final = 60
+DENSE_PER_PERIOD: Final = 40
 ENGINES: Final = {"taylor": taylor, "reference": reference}
 
 
