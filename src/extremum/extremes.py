@@ -48,7 +48,7 @@ def extremes(
     wanted = [(*named, index) for named, index in zip(signed, highest, strict=True)]
     around = _around(system, values, run, {index for *_, index in wanted}, again)
     columns = [sign * around[index][name][:, c] for name, c, sign, index in wanted]
-    sampled = rows[np.arange(len(rows)), highest]
+    sampled = rows.max(axis=1)
     with np.errstate(all="ignore"):  # near an escape the square of a difference overflows
         refined = _peaks(_TO_GRID @ np.stack(columns, axis=1))
     peaks = np.fmax(sampled, np.where(np.isfinite(refined), refined, -np.inf))
