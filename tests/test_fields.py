@@ -85,6 +85,7 @@ def test_constants_survive_tracing() -> None:
     ("make", "words"),
     [
         (lambda: es.Expression("x1 - x", {"x1": 3}), "parameters.x1: is the name of a coordinate"),
+        (lambda: es.Expression("x", {"lambda": 1}), "lambda: is no name for a parameter"),
         (lambda: es.field_from(lambda x, b: x * b), "b: is neither a coordinate"),
         (lambda: es.field_from(lambda x: np.exp(x)), "es.exp"),
         (lambda: es.field_from(lambda x: x if x > 0 else -x), "without branches"),

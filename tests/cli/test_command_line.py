@@ -14,6 +14,7 @@ import pytest
 import xarray
 
 import extremum as es
+from extremum.cli import interrupts
 from extremum.cli.main import main
 from extremum.papers import zhang2007
 
@@ -168,3 +169,18 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     assert message.count("\n") == 1
     assert "interrupted" in message
     assert os.listdir() == ["case.toml"]
+
+
+def test_an_interrupt_that_python_lost_is_noticed_before_anything_appears(folder, capsys):
+    """KeyboardInterrupt raised in a garbage collector's callback is printed and forgotten."""
+    Path("case.toml").write_text(SHORT)
+    install = interrupts.install
+
+    def lost() -> None:
+        install()
+        interrupts._pending.set()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(interrupts, "install", lost)
+        assert main(["run", "case.toml", "-o", "case.nc"]) == 130
+    assert sorted(path.name for path in Path().iterdir()) == ["case.toml"]
