@@ -12,6 +12,7 @@ from loops import force_actuated, velocity_actuated
 
 import extremum as es
 from extremum import s
+from extremum.engines.trajectory import broken_off
 
 CHANNELS = ("controller.channels.0", "controller.channels.1")
 
@@ -220,6 +221,23 @@ def test_an_escape_ends_cleanly_and_nothing_in_the_dataset_is_nan(engine: str) -
     assert np.isfinite(run.attrs["end_state"]).all()
     assert run.time.values[-1] <= run.attrs["end_time"] < 4.0
     assert len(run.attrs["end_state"]) == len(run.attrs["state_names"])
+
+
+def test_an_opaque_field_that_returns_nan_at_its_edge_was_left_and_did_not_escape() -> None:
+    def plane(p: np.ndarray, t: float) -> float:
+        return float(p[0]) if p[0] < 1 else float("nan")
+
+    loop = es.Loop(
+        field=es.Opaque(plane),
+        vehicle=es.PointMass((1 / s,)),
+        controller=es.GradientES(20, 1, (es.Channel(es.Dither(0.1), 20.0),)),
+        start=(0.0,),
+    )
+    run = es.simulate(loop, 20.0)
+    assert run.attrs["outcome"] == "left the data"
+    assert run.attrs["end_state"][0] == pytest.approx(1.0, abs=1e-6)
+    values = loop.values.tolist()
+    assert broken_off(loop.system, 0.0, [1.5, 0.0], values) == "left the data"
 
 
 @pytest.mark.parametrize("engine", ["taylor", "reference"])

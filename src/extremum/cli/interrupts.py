@@ -8,17 +8,28 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
+from typing import Final
 
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 _pending = threading.Event()
 
 
-def install() -> None:
-    """Remember SIGINT and treat SIGTERM alike, so that neither leaves a half-written file."""
+@contextmanager
+def remembered() -> Iterator[None]:
+    """Remember SIGINT inside the block, and treat SIGTERM alike: neither leaves half a file."""
     _pending.clear()
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, _interrupted)
-        signal.signal(signal.SIGTERM, _interrupted)
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, _interrupted) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def check() -> None:

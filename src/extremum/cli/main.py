@@ -21,10 +21,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 completed, 1 escaped or left the data, 2 the user's error, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
-    interrupts.install()
     try:
-        status = options.command(options)
-        sys.stdout.flush()
+        with interrupts.remembered():
+            status = options.command(options)
+            sys.stdout.flush()
         return status
     except InvalidDescription as error:
         return _complain(str(error))

@@ -6,6 +6,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..engines import taylor
 from ..printing import symbol_text
@@ -64,9 +65,17 @@ def _distance(scenario: Scenario, run: xarray.Dataset) -> list[str]:
         f"{distance[-1]:.4g} m at the end"
     ]
     period = scenario.loop.system.common_period(scenario.loop.values.tolist())
-    last = run.time.values >= run.time.values[-1] - (period or 0.0)
-    if period and last.sum() > 2 and run.attrs["outcome"] == "completed":
-        offset = (run.position.values - run.source.values)[last].mean(axis=0)
-        far = float(np.linalg.norm(offset))
+    if period and run.attrs["outcome"] == "completed" and run.time.values[-1] > period:
+        far = float(np.linalg.norm(_last_mean(run, period)))
         lines.append(f"  mean over the last period of the dither: {far:.4g} m from the source")
     return lines
+
+
+def _last_mean(run: xarray.Dataset, period: float) -> NDArray[np.float64]:
+    """Return the mean offset from the source over exactly one period, by the trapezoidal rule."""
+    times, offset = run.time.values, run.position.values - run.source.values
+    begin = times[-1] - period
+    inside = times > begin
+    first = [np.interp(begin, times, column) for column in offset.T]
+    whole = np.concatenate([[first], offset[inside]])
+    return np.trapezoid(whole, np.concatenate([[begin], times[inside]]), axis=0) / period

@@ -56,6 +56,8 @@ def broken_off(system: System, time: float, state: Sequence[float], values: Sequ
         return ESCAPED
     try:
         rates = system.rates(time, [float(x) for x in state], values)
+        if any(math.isnan(rate) for rate in rates):
+            return LEFT
         cycle = (system.fastest_period(values) or 1.0) / (2 * math.pi)
         limit = STEEP * (1 + float(np.abs(state).max())) / cycle
         steep = not all(math.isfinite(rate) and abs(rate) < limit for rate in rates)
