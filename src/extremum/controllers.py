@@ -185,14 +185,23 @@ class Controller(Description, abstract=True):
     def inputs(self) -> int:
         """Return how many inputs it drives."""
 
+    @abstractmethod
+    def base(self) -> Any:
+        """Return the frequency ω (rad/s) that all its frequencies are multiples of."""
+
+    @abstractmethod
+    def rest(self, signal: Expr) -> tuple[Expr, ...]:
+        """Return its states at rest under a constant J = `signal`, in the order `compose` draws."""
+
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
     @abstractmethod
     def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
-        """Return amplitude, frequency and phase of the axis' probe, and the 1/G it goes through.
+        """Return amplitude, frequency and phase of the axis' probe, and the G it goes through.
 
-        G is None for the axis' own. None if the probe is stated otherwise or not steady from t = 0.
+        The probe is α sin(ωt + φ) through 1/G; G is None for the axis' own. None if the probe is
+        not steady from t = 0.
         """
 
 
@@ -255,6 +264,15 @@ class GradientES(Controller):
         """Return every channel's frequency ω_i = ratio_i ω (rad/s)."""
         return tuple(_scale(channel.ratio, self.frequency) for channel in self.channels)
 
+    def base(self) -> Any:
+        """Return ω."""
+        return self.frequency
+
+    def rest(self, signal: Expr) -> tuple[Expr, ...]:
+        """Return η = J and every compensator's state 0."""
+        orders = sum(ratio(channel.compensator.law()).order for channel in self.channels)
+        return (signal, *(sympy.Integer(0) for _ in range(orders)))
+
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse a dither that no probe can cause: G(jω) zero, infinite or unknown."""
         path = f"controller.channels.{axis}.dither"
@@ -275,12 +293,15 @@ class GradientES(Controller):
             )
 
     def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
-        """Return (α, ω_i, φ, G), or None for a `Probe` or a probe that is not steady from t = 0."""
-        dither = self.channels[axis].dither
-        if not isinstance(dither, Dither) or self.probe_ramp is not None:
+        """Return (α, ω_i, φ, G), G = 1 for a `Probe`; None with a ramp."""
+        if self.probe_ramp is not None:
             return None
-        through = None if dither.through is None else dither.through.law()
-        return dither.amplitude, self.frequencies()[axis], dither.phase, through
+        dither, frequency = self.channels[axis].dither, self.frequencies()[axis]
+        if isinstance(dither, Dither):
+            through = None if dither.through is None else dither.through.law()
+        else:
+            through = sympy.Integer(1)
+        return dither.amplitude, frequency, dither.phase, through
 
     def compose(
         self,

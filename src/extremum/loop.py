@@ -55,7 +55,7 @@ class OnDither(Start):
         for axis, x in enumerate(self.position):
             motion = controller.motion(axis)
             assert motion is not None
-            swing = vehicle.swing(axis, *motion)
+            swing = vehicle.swing(axis, *motion, time=sympy.Integer(0))
             centre.append(x - swing[0])
             swings += swing
         rest = vehicle.rest(centre)
@@ -167,8 +167,7 @@ class Loop(Description):
         ):
             raise InvalidDescription(
                 "start",
-                "OnDither needs a dither that is steady from t = 0: a Dither in every channel, "
-                "not a Probe, and no probe_ramp",
+                "OnDither needs a probe that is steady from t = 0; leave controller.probe_ramp out",
             )
 
     def _check_field(self, axes: int) -> None:
@@ -184,6 +183,18 @@ class Loop(Description):
     @property
     def system(self) -> System:
         """The loop's equations, shared by all loops of the same structure."""
+        return self._composed[0]
+
+    @property
+    def twin(self) -> Loop:
+        """The same loop with the parameters' symbols in place of its numbers.
+
+        Its parts' laws, such as ``twin.field.law(p)``, are equations in the symbols of `system`.
+        """
+        return self._composed[1]
+
+    @cached_property
+    def _composed(self) -> tuple[System, Loop]:
         skeleton, _ = self._flat
         with _LOCK:
             if skeleton not in _SYSTEMS:
@@ -204,21 +215,21 @@ class Loop(Description):
 
 _KEPT = 256
 _LOCK = threading.RLock()
-_SYSTEMS: dict[Any, System] = {}
+_SYSTEMS: dict[Any, tuple[System, Loop]] = {}
 
 
-def _assemble(loop: Loop) -> System:
+def _assemble(loop: Loop) -> tuple[System, Loop]:
     reserved: frozenset[str] = frozenset()
     while True:
-        system = _compose(loop, reserved)
+        system, twin = _compose(loop, reserved)
         drawn = {str(symbol) for symbol in system.units} | {"t", "J"}
         clash = drawn & {str(symbol) for symbol in system.symbols}
         if not clash:
-            return system
+            return system, twin
         reserved |= clash
 
 
-def _compose(loop: Loop, reserved: frozenset[str]) -> System:
+def _compose(loop: Loop, reserved: frozenset[str]) -> tuple[System, Loop]:
     names, units = loop.vehicle.input_names(), loop.vehicle.input_units()
     letters = axis_names(max(loop.vehicle.dimension(), len(names)))
     twin, parameters = symbolic(
@@ -239,7 +250,7 @@ def _compose(loop: Loop, reserved: frozenset[str]) -> System:
     source = twin.field.maximum()
     if source is not None:
         outputs["source"] = source
-    return System(
+    system = System(
         states=tuple(diagram.states),
         rhs=tuple(diagram.rhs),
         initial=tuple(plain(e) for e in diagram.initial),
@@ -251,6 +262,7 @@ def _compose(loop: Loop, reserved: frozenset[str]) -> System:
         carriers=tuple(diagram.carriers),
         oracles=MappingProxyType(dict(loop.field.oracles())),
     )
+    return system, twin
 
 
 def _initial(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
+from unicodedata import combining, normalize
 
 import sympy
 from sympy import Expr, Symbol
@@ -37,13 +38,18 @@ _GREEK: dict[str, str] = {
     "psi": "ψ",
     "omega": "ω",
 }
+_MARKS: dict[str | None, str] = {"tilde": "\N{COMBINING TILDE}", "dot": "\N{COMBINING DOT ABOVE}"}
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def symbol_text(name: str) -> str:
-    """Return a symbol's name as it is read: ``alpha_x`` is α_x, ``x^*`` is x*."""
+    """Return a symbol's name as it is read: ``alpha_x`` is α_x, ``x^*`` x*, ``xtilde`` x̃."""
     name = name.replace("^*", "*")
-    return re.sub(r"^[a-z]+", lambda match: _GREEK.get(match[0], match[0]), name)
+    read = re.match(r"([a-z]+?)(tilde|dot)?(?![a-z])", name)
+    if read is None:
+        return name
+    letter = _GREEK.get(read[1], read[1])
+    return normalize("NFC", letter + _MARKS.get(read[2], "")) + name[read.end() :]
 
 
 class _Text(StrPrinter):
@@ -62,6 +68,14 @@ class _Text(StrPrinter):
         if exponent.is_Rational and exponent < 0:
             return f"1/{self.parenthesize(1 / expr, precedence(expr), strict=False)}"
         return super()._print_Pow(expr, rational)
+
+    def _print_Add(self, expr: Any, order: Any = None) -> str:  # noqa: N802
+        terms = self._as_ordered_terms(expr, order=order)
+        plus = [term for term in terms if term.is_Symbol]
+        minus = [-term for term in terms if (-term).is_Symbol]
+        if plus and minus and len(plus) + len(minus) == len(terms):  # s - p, not -p + s
+            return " - ".join([" + ".join(map(self._print, plus)), *map(self._print, minus)])
+        return super()._print_Add(expr, order)
 
     def _print_Mul(self, expr: Any) -> str:  # noqa: N802
         coefficient, _ = expr.as_coeff_Mul()
@@ -84,12 +98,15 @@ def expression_text(expression: Expr) -> str:
 
 def text(system: System, values: Sequence[float] | None = None) -> str:
     """Return the equations as text: signals, rates, initial values and the symbols' meaning."""
-    named = [(symbol_text(x.name), e) for x, e in system.signals]
-    rates = [(f"d{symbol_text(x.name)}/dt", e) for x, e in _pairs(system.states, system.rhs)]
+    named = [(symbol_text(x.name), expression_text(e)) for x, e in system.signals]
+    rates = [
+        (f"d{symbol_text(x.name)}/dt", expression_text(e))
+        for x, e in zip(system.states, system.rhs, strict=True)
+    ]
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
     starts = [
-        (f"{symbol_text(x.name)}(0)", substituted(e, begun))
-        for x, e in _pairs(system.states, system.initial)
+        (f"{symbol_text(x.name)}(0)", expression_text(substituted(e, begun)))
+        for x, e in zip(system.states, system.initial, strict=True)
     ]
     units = system.units
     rows = [(symbol_text(x.name), units[x], "state") for x in system.states]
@@ -101,10 +118,10 @@ def text(system: System, values: Sequence[float] | None = None) -> str:
     wide = max(len(unit) for _, unit, _ in rows)
     parts = [
         "Equations",
-        *_aligned([*named, *rates]),
+        *aligned([*named, *rates]),
         "",
         "At t = 0",
-        *_aligned(starts),
+        *aligned(starts),
         "",
         "Symbols",
         *(f"  {symbol:<{width}}  {unit:<{wide}}  {path}" for symbol, unit, path in rows),
@@ -124,10 +141,17 @@ def latex(system: System) -> str:
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
 
 
-def _pairs(symbols: Sequence[Symbol], expressions: Sequence[Expr]) -> list[tuple[Symbol, Expr]]:
-    return list(zip(symbols, expressions, strict=True))
+def padded(text: str, width: int) -> str:
+    """Return the text filled up to a width on the screen, where a combining mark takes no room."""
+    return text + " " * (width - shown_width(text))
 
 
-def _aligned(equations: Sequence[tuple[str, Expr]]) -> list[str]:
-    width = max(len(left) for left, _ in equations)
-    return [f"  {left:<{width}} = {expression_text(e)}" for left, e in equations]
+def shown_width(text: str) -> int:
+    """Return how many columns a text takes."""
+    return sum(not combining(character) for character in text)
+
+
+def aligned(equations: Sequence[tuple[str, str]]) -> list[str]:
+    """Return lines "left = right" with the equal signs below each other."""
+    width = max(shown_width(left) for left, _ in equations)
+    return [f"  {padded(left, width)} = {right}" for left, right in equations]

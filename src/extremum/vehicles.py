@@ -64,9 +64,15 @@ class Vehicle(Description, abstract=True):
 
     @abstractmethod
     def swing(
-        self, axis: int, amplitude: Expr, frequency: Expr, phase: Any, through: Expr | None
+        self,
+        axis: int,
+        amplitude: Expr,
+        frequency: Expr,
+        phase: Any,
+        through: Expr | None,
+        time: Expr,
     ) -> tuple[Expr, ...]:
-        """Return the axis' steady state at t = 0 under the probe α sin(ωt + φ) through 1/G.
+        """Return the axis' steady state at `time` under the probe α sin(ωt + φ) through 1/G.
 
         `through` is that G, None for the axis' own, whose position then is α sin(ωt + φ).
         """
@@ -174,15 +180,22 @@ class PointMass(Vehicle):
         return tuple(states)
 
     def swing(
-        self, axis: int, amplitude: Expr, frequency: Expr, phase: Any, through: Expr | None
+        self,
+        axis: int,
+        amplitude: Expr,
+        frequency: Expr,
+        phase: Any,
+        through: Expr | None,
+        time: Expr,
     ) -> tuple[Expr, ...]:
-        """Return Im[X_k(jω)/G(jω) · α e^{jφ}] for each state k of the axis."""
+        """Return Im[X_k(jω)/G(jω) · α e^{j(ωt + φ)}] for each state k of the axis."""
         law = self.axes[axis].law() if through is None else through
+        angle = frequency * time
         states = []
         for response in self._realised(self.axes[axis]).response:
             real, imaginary = response_parts(response / law, frequency)
-            zero = sympy.Integer(0)
-            states.append(amplitude * (real * sine(zero, phase) + imaginary * cosine(zero, phase)))
+            turned = real * sine(angle, phase) + imaginary * cosine(angle, phase)
+            states.append(amplitude * turned)
         return tuple(states)
 
     @staticmethod

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import json
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +24,8 @@ if TYPE_CHECKING:
 
 FIGURES = (".png", ".pdf", ".svg")
 ANIMATIONS = (".gif", ".mp4")
+WIDTH = 120
+"""Columns of a table that is not printed on a terminal."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -45,6 +51,8 @@ def paper(options: argparse.Namespace) -> int:
         for name in zhang2007.NAMES:
             print(f"{name:<16}{zhang2007.scenario(name).title}")
         return 0
+    if options.name == "errata":
+        return _errata()
     names = zhang2007.NAMES if options.name == "all" else (options.name,)
     sources = {name: zhang2007.path(name) for name in names}
     folder = Path(options.output)
@@ -66,14 +74,54 @@ def paper(options: argparse.Namespace) -> int:
     return status
 
 
+def _errata() -> int:
+    from ..papers.zhang2007.errata import report
+
+    print(report())
+    return 0
+
+
 def equations(options: argparse.Namespace) -> int:
     """Print a scenario's equations."""
-    loop = _load(options.scenario).loop
-    if options.latex:
-        print(loop.system.latex())
-        return 0
-    print(loop.system.text(loop.values.tolist()))
+    with _about(options.scenario) as scenario:
+        if options.average:
+            from ..theory.averaging import average
+
+            averaged = average(scenario.loop)
+            print(averaged.latex() if options.latex else averaged.text())
+            return 0
+        loop = scenario.loop
+        print(loop.system.latex() if options.latex else loop.system.text(loop.values.tolist()))
     return 0
+
+
+def stability(options: argparse.Namespace) -> int:
+    """Print a loop's verdict and the evidence for it."""
+    from ..theory.verdict import stability as judge
+
+    with _about(options.scenario) as scenario:
+        verdict = judge(scenario.loop)
+    if options.json:
+        print(json.dumps(verdict.data(), indent=2, ensure_ascii=False))
+    else:
+        from rich.console import Console
+
+        from ..theory.table import rendered
+
+        if scenario.title:
+            print(scenario.title)
+        Console(width=None if sys.stdout.isatty() else WIDTH).print(rendered(verdict))
+    return 0 if verdict.stable else 1
+
+
+@contextmanager
+def _about(path: str) -> Iterator[Scenario]:
+    """Load a scenario; name its file in whatever is refused about its loop."""
+    scenario = _load(path)
+    try:
+        yield scenario
+    except InvalidDescription as error:
+        raise _in_file(error, path) from None
 
 
 def _load(path: str) -> Scenario:

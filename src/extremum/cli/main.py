@@ -18,7 +18,7 @@ WRONG, INTERRUPTED = 2, 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status.
 
-    0 completed, 1 escaped or left the data, 2 the user's error, 130 interrupted.
+    0 completed, 1 escaped, left the data or not stable, 2 the user's error, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -62,8 +62,9 @@ def _parser() -> argparse.ArgumentParser:
   extremum paper fig4                         the paper's Fig. 4: fig4.png, fig4.nc, fig4.toml
   extremum run fig4.toml --plot fig4b.png     run it again after editing the file
   extremum equations fig4.toml                its differential equations
+  extremum stability fig4.toml                is it stable, and what says so
 
-exit status: 0 completed, 1 escaped or left the data, 2 something in the input is wrong""",
+exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is wrong""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"extremum {__version__}")
@@ -71,6 +72,7 @@ exit status: 0 completed, 1 escaped or left the data, 2 something in the input i
     _add_run(verbs)
     _add_paper(verbs)
     _add_equations(verbs)
+    _add_stability(verbs)
     return parser
 
 
@@ -99,11 +101,12 @@ def _add_paper(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
         "paper",
         help="reproduce a figure of Zhang, Siranosian and Krstić (2007)",
         description="Reproduce the loops of Zhang, Siranosian and Krstić (Automatica, 2007).\n\n"
-        f"names: {', '.join(NAMES)}, all",
+        f"names: {', '.join(NAMES)}, all, errata",
         epilog="""examples:
   extremum paper                              list them
   extremum paper fig4                         write fig4.png, fig4.nc and fig4.toml here
-  extremum paper all -o figures               write all of them into the folder figures""",
+  extremum paper all -o figures               write all of them into the folder figures
+  extremum paper errata                       where the paper's formulas are wrong, with numbers""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     paper.add_argument("name", metavar="NAME", nargs="?", help="a name from the list above")
@@ -119,9 +122,30 @@ def _add_equations(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -
         description="Print the closed loop's differential equations in the paper's symbols.",
         epilog="""examples:
   extremum equations fig4.toml                equations, initial values, symbols with values
-  extremum equations fig4.toml --latex        the equations as LaTeX""",
+  extremum equations fig4.toml --latex        the equations as LaTeX
+  extremum equations fig4.toml --average      averaged: equilibrium, polynomial, conditions""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     equations.add_argument("scenario", metavar="SCENARIO.toml")
     equations.add_argument("--latex", action="store_true", help="print LaTeX")
+    equations.add_argument("--average", action="store_true", help="the averaged loop's, in τ = ωt")
     equations.set_defaults(command=commands.equations)
+
+
+def _add_stability(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    stability = verbs.add_parser(
+        "stability",
+        help="say whether a scenario's loop is stable, with the evidence",
+        description="Say whether a scenario's loop is stable: the paper's conditions as printed "
+        "and as corrected,\nthe averaged eigenvalues, and the Floquet exponents of the exact "
+        "periodic orbit, which decide.",
+        epilog="""examples:
+  extremum stability fig4.toml                the table
+  extremum stability fig4.toml --json         the same for programs
+
+exit status: 0 stable, 1 not stable or not shown to be, 2 something in the input is wrong""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    stability.add_argument("scenario", metavar="SCENARIO.toml")
+    stability.add_argument("--json", action="store_true", help="print JSON")
+    stability.set_defaults(command=commands.stability)

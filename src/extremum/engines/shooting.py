@@ -1,0 +1,241 @@
+"""Periodic orbits of a `System` by multiple shooting: Newton's method with the exact flow.
+
+The orbit is cut into m segments with nodes x_0 … x_{m−1}, and φ_k(x_k) = x_{k+1}, x_m = x_0, is
+solved for all nodes at once: a long period or an unstable orbit is no harder than one dither cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..system import System
+from . import flow, reference, taylor
+
+Vector = NDArray[np.float64]
+
+CONVERGED: Final = "converged"
+DIVERGED: Final = "diverged"
+
+CONTRACTION: Final = 0.5
+"""What each undamped correction may be of the one before; beyond, another orbit may be met."""
+
+FIRST: Final = 1.5
+"""The same for the first, as a state that others drive begins to move with the second."""
+
+LEAST_DAMPING: Final = 1 / 64
+MAX_ITERATIONS: Final = 40
+SMALL: Final = 1e-6
+LEAST_WEIGHT: Final = 1e-3
+DENSE: Final = 64
+
+
+@dataclass(frozen=True)
+class Closed:
+    """What Newton's method found.
+
+    Attributes
+    ----------
+    outcome
+        ``"converged"``, ``"diverged"``, or the flow's ``"escaped"`` or ``"left the data"``.
+    period
+        T (s).
+    nodes
+        The states at t = k T/m, (m, n).
+    factors
+        The transition matrices from each node to the next, (m, n, n).
+    residual
+        max |φ_k(x_k) − x_{k+1}|, over nodes and states.
+    correction
+        max |Newton's next correction|: what the nodes are uncertain by.
+    """
+
+    outcome: str
+    period: float
+    nodes: Vector
+    factors: Vector
+    residual: float
+    correction: float
+
+    @property
+    def converged(self) -> bool:
+        """Whether the orbit was found."""
+        return self.outcome == CONVERGED
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Nodes, how far the flow misses the next ones, and Newton's correction."""
+
+    nodes: Vector
+    factors: Vector
+    gaps: Vector
+    step: Vector
+
+
+class _Problem:
+    """The equations to be solved, and how large each state has been seen to be."""
+
+    def __init__(
+        self, system: System, values: Sequence[float], period: float, nodes: Vector
+    ) -> None:
+        self.system, self.values = system, list(values)
+        self.times = period * np.arange(len(nodes) + 1) / len(nodes)
+        rates = [
+            system.rates(time, node, self.values)
+            for time, node in zip(self.times.tolist(), nodes.tolist(), strict=False)
+        ]
+        self.sizes = np.abs(np.array(rates)).max(axis=0) * period / len(nodes)
+
+    def size(self, trial: _Trial) -> float:
+        """Return the correction's largest entry, each divided by how large its state is."""
+        largest = self.sizes.max()
+        weights = np.maximum(self.sizes, LEAST_WEIGHT * largest) if largest else 1.0
+        return float((np.abs(trial.step) / weights).max())
+
+    def learn(self, trial: _Trial) -> None:
+        seen = np.abs(np.concatenate([trial.nodes, trial.nodes + trial.step])).max(axis=0)
+        self.sizes = np.maximum(self.sizes, seen)
+
+    def evaluate(self, nodes: Vector) -> _Trial | str:
+        found = flow.transitions(self.system, self.values, nodes, self.times)
+        if not found.completed:
+            return found.outcome
+        gaps = found.states[1:] - np.roll(nodes, -1, axis=0)
+        try:
+            step = corrections(found.factors, gaps)
+        except np.linalg.LinAlgError:
+            return DIVERGED
+        return _Trial(nodes, found.factors, gaps, step) if np.isfinite(step).all() else DIVERGED
+
+    def improve(self, trial: _Trial, contraction: float, damped: bool) -> _Trial | str:
+        """Return the next iterate, or why there is none."""
+        damping = 1.0
+        while True:
+            found = self.evaluate(trial.nodes + damping * trial.step)
+            if isinstance(found, _Trial):
+                self.learn(found)
+                limit = 1 - damping / 4 if damped else contraction
+                if self.size(found) <= max(limit * self.size(trial), SMALL):
+                    return found
+            damping /= 2
+            if not damped or damping < LEAST_DAMPING:
+                return DIVERGED if isinstance(found, _Trial) else found
+
+
+def close(
+    system: System,
+    values: Sequence[float],
+    period: float,
+    nodes: Vector,
+    *,
+    damped: bool = False,
+) -> Closed:
+    """Return the periodic orbit near the given nodes.
+
+    Newton's method runs until rounding stops it: at a high dither frequency I − Φ is as small as
+    λT, and a residual that looks small is not.
+
+    Parameters
+    ----------
+    period
+        T (s), a period of the system's right-hand side.
+    nodes
+        Guesses at t = k T/m, (m, n); m segments are used.
+    damped
+        Whether corrections may be shortened. Undamped, Newton's method either contracts from the
+        start or gives up, and so does not wander off to another orbit.
+    """
+    problem = _Problem(system, values, period, nodes)
+    trial, ratio = problem.evaluate(nodes), 1.0
+    if isinstance(trial, _Trial):
+        problem.learn(trial)
+    for iteration in range(MAX_ITERATIONS):
+        if isinstance(trial, str):
+            break
+        found = problem.improve(trial, CONTRACTION if iteration else FIRST, damped)
+        if isinstance(found, _Trial):
+            before, after = problem.size(trial), problem.size(found)
+            settled = after > CONTRACTION * before or before * ratio**2 < np.finfo(float).eps
+            if settled and before < SMALL:
+                return _closed(period, found if after < before else trial)
+            ratio = after / before
+        trial = found
+    outcome = trial if isinstance(trial, str) else DIVERGED
+    count = nodes.shape[1]
+    return Closed(outcome, period, nodes, np.empty((0, count, count)), np.inf, np.inf)
+
+
+def _closed(period: float, trial: _Trial) -> Closed:
+    return Closed(
+        CONVERGED,
+        period,
+        trial.nodes,
+        trial.factors,
+        float(np.abs(trial.gaps).max()),
+        float(np.abs(trial.step).max()),
+    )
+
+
+def corrections(factors: Vector, gaps: Vector) -> Vector:
+    """Return δ with δ_{k+1} − Φ_k δ_k = gap_k around the cycle, (m, n).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the monodromy matrix has the eigenvalue 1 exactly.
+    """
+    segments, count = gaps.shape
+    if segments == 1:
+        return np.linalg.solve(np.eye(count) - factors[0], gaps[0])[None, :]
+    rows = np.arange(segments * count)
+    following = (rows + count) % len(rows)
+    blocks = np.arange(segments) * count
+    inner = np.arange(count)
+    if len(rows) <= DENSE:
+        matrix = np.zeros((len(rows), len(rows)))
+        matrix[rows, following] = 1.0
+        for k, block in enumerate(blocks):
+            matrix[block : block + count, block : block + count] -= factors[k]
+        return np.asarray(np.linalg.solve(matrix, gaps.ravel()), dtype=float).reshape(gaps.shape)
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    across = blocks[:, None, None] + inner[None, :, None]
+    down = blocks[:, None, None] + inner[None, None, :]
+    across, down = (np.broadcast_to(a, factors.shape).ravel() for a in (across, down))
+    data = np.concatenate([np.ones(len(rows)), -factors.ravel()])
+    places = np.concatenate([rows, across]), np.concatenate([following, down])
+    matrix = csc_array((data, places), shape=(len(rows), len(rows)))
+    try:
+        return splu(matrix).solve(gaps.ravel()).reshape(gaps.shape)
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+
+
+def sampled(
+    system: System, values: Sequence[float], orbit: Closed, samples: int
+) -> tuple[Vector, Vector]:
+    """Return equispaced times over one period, without its end, and the states there.
+
+    Each segment is integrated from its own node, so that an unstable orbit is not left.
+
+    Parameters
+    ----------
+    samples
+        How many for each segment.
+    """
+    engine = reference if system.oracles or not taylor.available() else taylor
+    segments, count = orbit.nodes.shape
+    times = orbit.period * np.arange(segments * samples + 1) / (segments * samples)
+    states = np.empty((segments * samples, count))
+    for k, node in enumerate(orbit.nodes):
+        piece = slice(k * samples, (k + 1) * samples)
+        states[piece] = engine.integrate(
+            system, values, times[piece], tol=flow.TOLERANCE, state=node.tolist()
+        ).states
+    return times[:-1], states

@@ -1,0 +1,49 @@
+"""Tables of numbers, as text and for the documentation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+Cell = float | str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Numbers under headings.
+
+    Attributes
+    ----------
+    columns
+        Heading and format of each column, such as ``("ω = 30", "+.4f")``; text stays as it is.
+    rows
+        One cell for each column.
+    """
+
+    columns: tuple[tuple[str, str], ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+    def cells(self) -> list[list[str]]:
+        """Return every row as text."""
+        return [
+            [
+                cell if isinstance(cell, str) else _number(cell, form)
+                for cell, (_, form) in zip(row, self.columns, strict=True)
+            ]
+            for row in self.rows
+        ]
+
+    def markdown(self) -> str:
+        """Return the table for the documentation."""
+        headings = [heading for heading, _ in self.columns]
+        lines = [[_escaped(cell) for cell in row] for row in [headings, *self.cells()]]
+        lines.insert(1, ["---"] * len(headings))
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _number(value: float, form: str) -> str:
+    text = format(value, form)
+    return format(0.0, form) if float(text) == 0 else text  # no -0.0000
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("*", "\\*")

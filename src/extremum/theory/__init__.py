@@ -1,0 +1,1 @@
+"""Theory: what the equations say before they are integrated."""

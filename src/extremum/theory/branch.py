@@ -1,0 +1,260 @@
+"""The periodic orbit as the dither's frequency varies: continuation in ω.
+
+At a high ω the averaged equilibrium is an accurate guess; from there the orbit is followed, each
+one extrapolated from those before it. The position's dither keeps its amplitude α, and the source
+its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, Final
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from ..controllers import Probe
+from ..engines import shooting
+from ..engines.shooting import Closed
+from ..loop import Loop
+from ..rational import at_frequency
+from ..symbols import substituted
+from ..system import System
+from . import floquet
+from .averaging import Average, average
+from .frame import MAX_CYCLES, Frame
+
+Vector = NDArray[np.float64]
+
+BEGINNINGS: Final = 10
+"""How often ω is made four times as large in search of one whose orbit the average predicts."""
+
+LARGEST: Final = math.log(2)
+SMALLEST: Final = 1e-7
+FOLDED: Final = 0.02
+
+RATE: Final = 4.0
+"""A segment is at most as long as the fastest mode takes to change by e^RATE."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The orbit at one ω.
+
+    Attributes
+    ----------
+    frequency
+        ω, ``controller.frequency`` (rad/s).
+    frame
+        The loop's equations with that ω in the values.
+    orbit
+        The orbit in the frame's coordinates.
+    """
+
+    frequency: float
+    frame: Frame
+    orbit: Closed
+
+    @cached_property
+    def exponents(self) -> floquet.Complex:
+        """The Floquet exponents (1/s), the least stable first."""
+        return floquet.exponents(self.orbit.factors, self.orbit.period)
+
+    @property
+    def leading(self) -> float:
+        """The largest real part (1/s)."""
+        return float(self.exponents[0].real)
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """The orbits met on the way from one ω to another.
+
+    Attributes
+    ----------
+    points
+        In the order in which they were met.
+    end
+        Why the orbit could not be followed to where it was wanted; empty if it could.
+    folded
+        Whether the branch turns back there: a real multiplier comes to +1.
+    """
+
+    points: tuple[Point, ...]
+    end: str
+    folded: bool = False
+
+
+# --- periods ----------------------------------------------------------------------------------
+
+
+def period(frame: Frame) -> tuple[float, int] | None:
+    """Return after which time the rates repeat (s) and how many cycles of the slowest dither.
+
+    None if they do not, or only after more than 20,000 cycles.
+    """
+    if not only_dithers(frame.system):
+        return frame.period()
+    length = frame.system.common_period(frame.values)
+    if length is None:
+        return None
+    cycles = max(round(length * min(frame.frequencies()) / (2 * math.pi)), 1)
+    return (length, cycles) if cycles <= MAX_CYCLES else None
+
+
+@lru_cache(maxsize=256)
+def only_dithers(system: System) -> bool:
+    """Return whether time enters the rates by the dithers only: the source rests, or ramps."""
+    needed = set().union(*(rate.free_symbols for rate in system.rhs))
+    entering = list(system.rhs)
+    for symbol, expression in reversed(system.signals):
+        if symbol in needed:
+            needed |= expression.free_symbols
+            entering.append(expression)
+    angles = [carrier * system.time for carrier in system.carriers]
+    waves = dict.fromkeys((f(a) for a in angles for f in (sympy.sin, sympy.cos)), sympy.Integer(0))
+    return not any(substituted(e, waves).has(system.time) for e in entering)
+
+
+# --- where it begins --------------------------------------------------------------------------
+
+
+def frequency(loop: Loop) -> float:
+    """Return ω of the loop (rad/s)."""
+    controller: Any = loop.controller
+    return float(controller.frequency)
+
+
+def changes(loop: Loop, wanted: float) -> dict[str, float]:
+    """Return what ω = `wanted` changes so that the position's dither stays as it is.
+
+    A `Dither` states that; a `Probe`'s amplitude is scaled with 1/|G(jω)|. References keep their
+    phases.
+    """
+    controller: Any = loop.controller
+    changed = {"controller.frequency": wanted}
+    for axis, channel in enumerate(controller.channels):
+        if isinstance(channel.dither, Probe):
+            before = controller.frequencies()[axis]
+            plant = loop.vehicle.dynamics()[axis]
+            assert plant is not None
+            gains = [
+                abs(at_frequency(plant, w)) for w in (before, before * wanted / frequency(loop))
+            ]
+            path = f"controller.channels.{axis}.dither.amplitude"
+            changed[path] = channel.dither.amplitude * gains[0] / gains[1]
+    return changed
+
+
+def reached(predicted: Average, cycle: tuple[float, int]) -> Branch:
+    """Return the branch from where the averaged equilibrium leads to it, to the loop's own ω."""
+    loop = predicted.frame.loop
+    wanted = frequency(loop)
+    for k in range(BEGINNINGS + 1):
+        if k:
+            predicted = average(loop.replace(changes(loop, wanted * 4.0**k)))
+        again = period(predicted.frame) if k else cycle
+        if again is None or predicted.equilibrium is None:
+            break
+        nodes = guess(predicted, again)
+        start = _point(wanted * 4.0**k, predicted.frame, again[0], nodes)
+        if start is not None:
+            return followed(start, wanted) if k else Branch((start,), "")
+    end = "the averaged equilibrium leads to no orbit, at no higher ω either"
+    return Branch((), end)
+
+
+def guess(predicted: Average, cycle: tuple[float, int]) -> Vector:
+    """Return the averaged equilibrium at every node."""
+    assert predicted.equilibrium is not None
+    count = _segments(*cycle, float(np.abs(predicted.eigenvalues).max()))
+    return np.tile(predicted.equilibrium, (count, 1))
+
+
+# --- following it -----------------------------------------------------------------------------
+
+
+def followed(start: Point, target: float, *, largest: float = LARGEST) -> Branch:
+    """Follow the orbit from `start` to ω = `target`.
+
+    Steps are in ln ω: halved where Newton's method does not contract at once, so that no other
+    orbit is taken for this one, down to 1e-7; that is where the branch ends.
+
+    Parameters
+    ----------
+    largest
+        The largest step.
+    """
+    points = [start]
+    step, goal = largest, math.log(target)
+    while points[-1].frequency != target:
+        here = math.log(points[-1].frequency)
+        way = goal - here
+        last = abs(way) <= 1.01 * step
+        point = near(points[-2:], target if last else math.exp(here + math.copysign(step, way)))
+        if point is not None:
+            points.append(point)
+            step = min(1.6 * step, largest)
+            continue
+        step = min(step, abs(way)) / 2
+        if step < SMALLEST:
+            return _ended(points)
+    return Branch(tuple(points), "")
+
+
+def near(neighbours: Sequence[Point], wanted: float) -> Point | None:
+    """Return the orbit at ω from one or two known ones, along the line through them in ln ω."""
+    frame = _at(neighbours[-1].frame, wanted)
+    cycle = period(frame)
+    assert cycle is not None
+    speed = max(float(np.abs(point.exponents.real).max()) for point in neighbours)
+    count = _segments(*cycle, speed)
+    nodes = [_divided(point, count) for point in neighbours]
+    if len(nodes) == 1:
+        return _point(wanted, frame, cycle[0], nodes[0])
+    first, second = (math.log(point.frequency) for point in neighbours)
+    fraction = (math.log(wanted) - first) / (second - first)
+    return _point(wanted, frame, cycle[0], nodes[0] + fraction * (nodes[1] - nodes[0]))
+
+
+def _at(frame: Frame, wanted: float) -> Frame:
+    values = list(frame.values)
+    places = {parameter.path: i for i, parameter in enumerate(frame.system.parameters)}
+    for path, value in changes(frame.loop, wanted).items():
+        values[places[path]] = value
+    return replace(frame, values=values)
+
+
+def _point(wanted: float, frame: Frame, length: float, nodes: Vector) -> Point | None:
+    orbit = shooting.close(frame.system, frame.values, length, nodes)
+    return Point(wanted, frame, orbit) if orbit.converged else None
+
+
+def _segments(length: float, cycles: int, speed: float) -> int:
+    """Return how many segments: one for each cycle, times a power of two."""
+    wanted = max(length * speed / (RATE * cycles), 1.0)
+    return cycles * 2 ** math.ceil(math.log2(wanted) - 1e-9)
+
+
+def _divided(point: Point, count: int) -> Vector:
+    """Return the orbit's nodes for another number of segments, a power of two times its own."""
+    orbit, frame = point.orbit, point.frame
+    have = len(orbit.nodes)
+    if count <= have:
+        return orbit.nodes[:: have // count]
+    return shooting.sampled(frame.system, frame.values, orbit, count // have)[1]
+
+
+def _ended(points: list[Point]) -> Branch:
+    last = points[-1]
+    found = last.exponents
+    real = np.abs(found.real[np.abs(found.imag) <= 1e-9 * np.abs(found.real)])
+    folded = bool(len(real)) and float(real.min()) < FOLDED * float(np.abs(found.real).max())
+    why = "a fold: it meets another orbit" if folded else "as far as Newton's method finds it"
+    return Branch(
+        tuple(points), f"the branch ends at ω = {last.frequency:.7g} rad/s, {why}", folded
+    )

@@ -1,0 +1,91 @@
+"""The averaged loop's equilibrium in closed form, where it has one."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Final
+
+import sympy
+from sympy import Expr, Symbol
+
+from ..symbols import substituted
+from ..symbols import t as time
+from .averaged import Averaged
+
+MAX_SOLVED: Final = 6
+"""States up to which coupled rates are solved in closed form."""
+
+
+def mean_of(expression: Expr) -> Expr:
+    """Return a source's coordinate or velocity at its mean: sines 0, t = 0."""
+    calls = {
+        call: sympy.Integer(0) for call in expression.atoms(sympy.sin, sympy.cos) if call.has(time)
+    }
+    return substituted(substituted(expression, calls), {time: sympy.Integer(0)})
+
+
+@lru_cache(maxsize=256)
+def held(averaged: Averaged) -> tuple[Expr, ...]:
+    """Return the rates with the slow inputs at their means."""
+    table = {x: mean_of(e) for x, e in averaged.equations.slow} | {time: sympy.Integer(0)}
+    return tuple(substituted(rate, table) for rate in averaged.rates)
+
+
+@lru_cache(maxsize=256)
+def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
+    """Return the equilibrium, each state in terms of the parameters and of states found before.
+
+    Solved group by group of states that depend on each other, as long as the rates are linear in
+    the group; states that are zero are put in. None where a group is too large to be read or not
+    linear, or its matrix is singular whatever the parameters.
+    """
+    if averaged.moments is not None:
+        return None
+    states = averaged.equations.states
+    pending = dict(zip(states, held(averaged), strict=True))
+    known: dict[Symbol, Expr] = {}
+    while pending:
+        group = _group(pending)
+        if len(group) > MAX_SOLVED:
+            return None
+        zeros = {x: e for x, e in known.items() if e == 0}
+        rows = [sympy.expand(substituted(pending[x], zeros)) for x in group]
+        matrix = sympy.Matrix(rows).jacobian(group)
+        if matrix.has(*group):
+            return None
+        determinant = sympy.factor(matrix.det())
+        if determinant == 0:
+            return None
+        constant = sympy.Matrix([row.subs(dict.fromkeys(group, 0)) for row in rows])
+        solved = -matrix.adjugate() * constant
+        for x, e in zip(group, solved, strict=True):
+            law: Any = sympy.factor(sympy.cancel(e / determinant))
+            known[x] = law
+            del pending[x]
+    return {x: known[x] for x in states}
+
+
+@lru_cache(maxsize=256)
+def equilibrium_law(averaged: Averaged) -> dict[Symbol, Expr] | None:
+    """Return the equilibrium in the parameters alone; None where there is no closed form."""
+    steps = equilibrium_steps(averaged)
+    if steps is None:
+        return None
+    law = steps
+    while any(e.has(*steps) for e in law.values()):
+        law = {x: substituted(e, steps) for x, e in law.items()}
+    return law
+
+
+def _group(pending: dict[Symbol, Expr]) -> list[Symbol]:
+    """Return the smallest set of states whose rates depend on no other pending state."""
+    groups: list[list[Symbol]] = []
+    for start in pending:
+        group, todo = set[Symbol](), [start]
+        while todo:
+            x = todo.pop()
+            if x not in group:
+                group.add(x)
+                todo += [y for y in pending if pending[x].has(y)]
+        groups.append([x for x in pending if x in group])
+    return min(groups, key=len)

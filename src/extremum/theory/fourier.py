@@ -1,0 +1,157 @@
+"""Trigonometric polynomials of several oscillators as exact Fourier series.
+
+An oscillator i turns at ν_i = n_i · Ω, n_i a vector of integers and Ω the independent frequencies:
+one for commensurate dithers, several on a torus. Its sine and cosine are symbols S_i, C_i, and an
+expression that is polynomial in them has finitely many harmonics k, each found exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+
+import sympy
+from sympy import Expr, Poly, Symbol
+
+from ..symbols import substituted
+from ..symbols import t as time
+
+Harmonic = tuple[int, ...]
+_Laurent = Mapping[Harmonic, tuple[Fraction, Fraction]]
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillator:
+    """The sine and cosine of θ = ν t, ν = Σ n_i Ω_i, as symbols."""
+
+    sine: Symbol
+    cosine: Symbol
+    frequency: Expr
+    harmonic: Harmonic
+
+
+def oscillators(carriers: Sequence[Expr]) -> tuple[tuple[Oscillator, ...], tuple[Expr, ...]]:
+    """Return an oscillator for each frequency, and the independent frequencies Ω.
+
+    Frequencies whose ratio is a rational number whatever the parameters' values share one Ω.
+    """
+    classes: list[list[tuple[int, sympy.Rational]]] = []
+    for index, carrier in enumerate(carriers):
+        for members in classes:
+            ratio = sympy.cancel(carrier / carriers[members[0][0]])
+            if isinstance(ratio, sympy.Rational):
+                members.append((index, ratio))
+                break
+        else:
+            classes.append([(index, sympy.Integer(1))])
+    bases, found = [], {}
+    for place, members in enumerate(classes):
+        common = sympy.gcd_list([ratio for _, ratio in members])
+        bases.append(carriers[members[0][0]] * common)
+        for index, ratio in members:
+            turns = [0] * len(classes)
+            turns[place] = int(ratio / common)
+            sine, cosine = (Symbol(f"{name}_{index}", real=True) for name in ("S", "C"))
+            found[index] = Oscillator(sine, cosine, carriers[index], tuple(turns))
+    return tuple(found[i] for i in range(len(carriers))), tuple(bases)
+
+
+def turned(expression: Expr, dithers: Sequence[Oscillator]) -> Expr:
+    """Return the expression with sin(νt + φ), cos(νt + φ) in the oscillators' symbols."""
+    table: dict[Expr, Expr] = {}
+    for call in expression.atoms(sympy.sin, sympy.cos):
+        angle = sympy.expand(call.args[0])
+        frequency = angle.coeff(time)
+        for o in dithers:
+            if frequency == o.frequency:
+                phase = angle - frequency * time
+                sine, cosine = sympy.sin(phase), sympy.cos(phase)
+                table[call] = (
+                    o.sine * cosine + o.cosine * sine
+                    if isinstance(call, sympy.sin)
+                    else o.cosine * cosine - o.sine * sine
+                )
+    return substituted(expression, table)
+
+
+def unturned(expression: Expr, dithers: Sequence[Oscillator]) -> Expr:
+    """Return the expression with sin νt and cos νt in place of the oscillators' symbols."""
+    table: dict[Expr, Expr] = {o.sine: sympy.sin(o.frequency * time) for o in dithers}
+    table |= {o.cosine: sympy.cos(o.frequency * time) for o in dithers}
+    return substituted(expression, table)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """mean + Σ_k (cosine_k cos θ_k + sine_k sin θ_k), θ_k = Σ k_i Ω_i t, of one expression.
+
+    Of k and −k only that with the first nonzero entry positive is listed.
+    """
+
+    mean: Expr
+    waves: Mapping[Harmonic, tuple[Expr, Expr]]
+
+
+def series(expression: Expr, oscillators: Sequence[Oscillator]) -> Series:
+    """Return the Fourier series of a polynomial in the oscillators' symbols.
+
+    Raises
+    ------
+    sympy.PolynomialError
+        If the expression is not a polynomial in them.
+    """
+    generators = [symbol for o in oscillators for symbol in (o.sine, o.cosine)]
+    present = [g for g in generators if expression.has(g)]
+    if not present:
+        return Series(expression, {})
+    harmonics = {g: o.harmonic for o in oscillators for g in (o.sine, o.cosine)}
+    kinds = tuple(g in {o.sine for o in oscillators} for g in present)
+    turns = tuple(harmonics[g] for g in present)
+    sums: dict[Harmonic, tuple[list[Expr], list[Expr]]] = {}
+    for powers, coefficient in Poly(expression, *present).terms():
+        for k, (cosine, sine) in _monomial(powers, kinds, turns).items():
+            cosines, sines = sums.setdefault(k, ([], []))
+            cosines.append(coefficient * sympy.Rational(cosine.numerator, cosine.denominator))
+            sines.append(coefficient * sympy.Rational(sine.numerator, sine.denominator))
+    added = {k: (sympy.Add(*cs), sympy.Add(*ss)) for k, (cs, ss) in sums.items()}
+    zero = (0,) * len(oscillators[0].harmonic)
+    mean, _ = added.pop(zero, (sympy.Integer(0), sympy.Integer(0)))
+    waves = {k: (c, s) for k, (c, s) in added.items() if c != 0 or s != 0}
+    return Series(mean, waves)
+
+
+@lru_cache(maxsize=4096)
+def _monomial(
+    powers: tuple[int, ...], sines: tuple[bool, ...], turns: tuple[Harmonic, ...]
+) -> dict[Harmonic, tuple[Fraction, Fraction]]:
+    """Return k → (coefficient of cos θ_k, of sin θ_k) of Π S^a C^b."""
+    zero = (0,) * len(turns[0])
+    product: _Laurent = {zero: (Fraction(1), Fraction(0))}
+    for power, is_sine, turn in zip(powers, sines, turns, strict=True):
+        half = Fraction(1, 2)
+        back = tuple(-n for n in turn)
+        if is_sine:  # sin θ = (E − 1/E)/2j
+            factor = {turn: (Fraction(0), -half), back: (Fraction(0), half)}
+        else:
+            factor = {turn: (half, Fraction(0)), back: (half, Fraction(0))}
+        for _ in range(power):
+            product = _times(product, factor)
+    waves = {}
+    for k, (real, imaginary) in product.items():
+        if k == zero:
+            waves[k] = (real, Fraction(0))
+        elif next(n for n in k if n) > 0:  # c E + c̄/E = 2 Re c cos θ − 2 Im c sin θ
+            waves[k] = (2 * real, -2 * imaginary)
+    return waves
+
+
+def _times(left: _Laurent, right: _Laurent) -> _Laurent:
+    product: dict[Harmonic, tuple[Fraction, Fraction]] = {}
+    for k, (a, b) in left.items():
+        for m, (c, d) in right.items():
+            key = tuple(i + j for i, j in zip(k, m, strict=True))
+            real, imaginary = product.get(key, (Fraction(0), Fraction(0)))
+            product[key] = (real + a * c - b * d, imaginary + a * d + b * c)
+    return {k: value for k, value in product.items() if value != (0, 0)}

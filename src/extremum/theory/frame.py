@@ -1,0 +1,367 @@
+"""The loop in coordinates relative to the source and to the steady response to its probes.
+
+With r(t) the source and a(t) the vehicle's steady response to the probes (from G(jω)), each
+vehicle state is X = X̃ + N r + a, N the state at rest at position 1, and the washout's is
+η = e + f*. For the paper's Fig. 1 that is its change of coordinates, (3) to (9):
+x̃ = x − x* − α sin ωt, e = η − f*. It is exact: nothing is averaged here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any, Final
+
+import sympy
+from sympy import Expr, Symbol
+
+from ..loop import Loop
+from ..parameters import Parameter
+from ..symbols import axis_names, substituted
+from ..symbols import t as time
+from ..system import System
+from .fourier import Oscillator, oscillators, turned, unturned
+from .sources import located
+
+MAX_CYCLES: Final = 20_000
+"""Dither cycles within which a loop must repeat to be called periodic."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relative:
+    """The equations in relative coordinates, shared by all loops of one structure.
+
+    The oscillators' sines and cosines are symbols here, so that rates and signals are polynomial in
+    them wherever the field is polynomial.
+
+    Attributes
+    ----------
+    oscillators, bases
+        The dithers, and the independent frequencies Ω they are multiples of.
+    states, rates
+        X̃, ζ, e and their rates (per second) in terms of the signals.
+    signals
+        Ordered bindings: r and ṙ of a moving source, J, ξ, m, w, u.
+    signal, leading
+        J's symbol, and J with the sensor's dither replaced by its limit as ω → ∞.
+    dither, dither_limit
+        Per axis, the sensor's steady response a(t) to the probes, and its limit as ω → ∞ (the same
+        where the probe goes through 1/G: G(jω)/G(jω) = 1).
+    source
+        Per axis r(t).
+    hessian
+        ∂²J/∂p² at the source.
+    system
+        The same as a `System` in t, ready to be integrated.
+    """
+
+    oscillators: tuple[Oscillator, ...]
+    bases: tuple[Expr, ...]
+    states: tuple[Symbol, ...]
+    rates: tuple[Expr, ...]
+    signals: tuple[tuple[Symbol, Expr], ...]
+    signal: Symbol
+    leading: Expr
+    dither: tuple[Expr, ...]
+    dither_limit: tuple[Expr, ...]
+    source: tuple[Expr, ...]
+    hessian: sympy.ImmutableMatrix
+    system: System
+
+    @property
+    def slow(self) -> tuple[tuple[Symbol, Expr], ...]:
+        """The bindings of r and ṙ of a moving source."""
+        return self.signals[: [x for x, _ in self.signals].index(self.signal)]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A loop in relative coordinates, with its numbers.
+
+    Attributes
+    ----------
+    loop
+        The loop as theory takes it: its probe steady, its field symbolic.
+    equations
+        The symbolic part.
+    values
+        The numbers, in the order of ``system.parameters``.
+    notes
+        What was replaced or found to get here, in sentences.
+    """
+
+    loop: Loop
+    equations: Relative
+    values: list[float]
+    notes: tuple[str, ...]
+
+    @property
+    def system(self) -> System:
+        """The exact equations in relative coordinates."""
+        return self.equations.system
+
+    def frequencies(self) -> tuple[float, ...]:
+        """Return every angular frequency (rad/s): the dithers', then the source's."""
+        found = evaluated(self.system.carriers, self.system)(self.values)
+        found += evaluated(_slow_frequencies(self.system) or (), self.system)(self.values)
+        return tuple(dict.fromkeys(abs(float(f)) for f in found if f))
+
+    def period(self) -> tuple[float, int] | None:
+        """Return the time after which everything repeats (s), and how many cycles that is.
+
+        A cycle is one of the slowest dither. None if nothing repeats within 20,000 cycles, or if
+        time enters otherwise than by sines.
+        """
+        frequencies = self.frequencies()
+        if not frequencies or _slow_frequencies(self.system) is None:
+            return None
+        common = _common(frequencies)
+        cycles = round(min(evaluated(self.system.carriers, self.system)(self.values)) / common)
+        return None if cycles > MAX_CYCLES else (2 * math.pi / common, cycles)
+
+    def source_frequency(self) -> float | None:
+        """Return the frequency at which a swinging source repeats (rad/s), None if it does not."""
+        turning = [c for r in self.equations.source for c in r.atoms(sympy.sin, sympy.cos)]
+        laws = tuple(sympy.expand(c.args[0]).coeff(time) for c in turning if c.has(time))
+        found = [abs(float(f)) for f in evaluated(laws, self.system)(self.values) if f]
+        if not found:
+            return None
+        common = _common(found)
+        return None if max(found) / common > MAX_CYCLES else common
+
+
+def relative(loop: Loop) -> Frame:
+    """Return the loop in coordinates relative to source and dither.
+
+    Raises
+    ------
+    InvalidDescription
+        If the field states no source and none is found uphill from the start.
+    """
+    ready = located(loop)
+    equations = _relative(ready.loop.system, ready.loop.twin)
+    values = [*ready.loop.values.tolist(), *(ready.found or ())]
+    return Frame(ready.loop, equations, values, ready.notes)
+
+
+def _common(frequencies: Sequence[float]) -> float:
+    """Return the largest frequency of which all are multiples, as their decimals state them."""
+    first = _fraction(frequencies[0])
+    ratios = [_fraction(f) / first for f in frequencies]
+    above, below = zip(*(r.as_integer_ratio() for r in ratios), strict=True)
+    return float(Fraction(math.gcd(*above), math.lcm(*below))) * frequencies[0]
+
+
+def _fraction(number: float) -> Fraction:
+    return Fraction(repr(number))
+
+
+@lru_cache(maxsize=512)
+def evaluated(expressions: tuple[Expr, ...], system: System) -> Any:
+    """Return a callable: the parameters' values → list of the expressions' values."""
+    return sympy.lambdify([list(system.symbols)], list(expressions), "math", dummify=True, cse=True)
+
+
+@lru_cache(maxsize=256)
+def _slow_frequencies(system: System) -> tuple[Expr, ...] | None:
+    """Return the frequencies of the sines that are no dither's; None if time enters otherwise."""
+    found: dict[Expr, None] = {}
+    wanted: set[Any] = set().union(*(e.free_symbols for e in system.rhs))
+    entering = list(system.rhs)
+    for symbol, expression in reversed(system.signals):
+        if symbol in wanted:
+            wanted |= expression.free_symbols
+            entering.append(expression)
+    for expression in entering:
+        calls = [c for c in expression.atoms(sympy.sin, sympy.cos) if c.has(time)]
+        if substituted(expression, {call: sympy.Dummy() for call in calls}).has(time):
+            return None
+        for call in calls:
+            angle = sympy.expand(call.args[0])
+            frequency = angle.coeff(time)
+            if (angle - frequency * time).has(time):
+                return None
+            if frequency not in system.carriers:
+                found[frequency] = None
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def _relative(system: System, twin: Loop) -> Relative:
+    dithers, bases = oscillators(system.carriers)
+    source, added = _source(system, twin)
+    slow, place, drift = _slow_inputs(source, twin)
+    swings = _swings(twin, dithers)
+    limits = tuple(_limit(a, dithers, twin.controller.base()) for a in swings)
+    still = twin.controller.rest(twin.field.law(source))
+    states = _renamed(system, len(swings), still)
+
+    def shift(position: Sequence[Expr], turns: Sequence[Expr] = swings) -> tuple[Expr, ...]:
+        rest = twin.vehicle.rest(position)
+        return (*(n + a for n, a in zip(rest, turns, strict=True)), *still)
+
+    def moved(position: Sequence[Expr], turns: Sequence[Expr] = swings) -> dict[Expr, Expr]:
+        shifts = zip(system.states, states, shift(position, turns), strict=True)
+        return {old: new + offset for old, new, offset in shifts}
+
+    signal = next(x for x, _ in system.signals if x == system.outputs["J"][0])
+    signals = {x: substituted(turned(e, dithers), moved(place)) for x, e in system.signals}
+    law = turned(dict(system.signals)[signal], dithers)
+    signals[signal] = substituted(law, moved(source))
+    inputs = {u: signals[u] for u in system.inputs}
+    turning = (*swings, *(sympy.Integer(0) for _ in still))
+    drifting = (*twin.vehicle.rest(drift), *(sympy.Integer(0) for _ in still))
+    rates = []
+    for rate, swing, velocity in zip(system.rhs, turning, drifting, strict=True):
+        driven = substituted(substituted(turned(rate, dithers), inputs), moved(place))
+        rates.append(_settled(driven - _derivative(swing, dithers), dithers, system) - velocity)
+    sensed = system.outputs["sensor"]
+    still_at = dict.fromkeys(system.states, sympy.Integer(0))
+    dither, dither_limit = (
+        tuple(substituted(e, still_at | dict(zip(system.states, a, strict=False))) for e in sensed)
+        for a in (swings, limits)
+    )
+    known = (*slow, *signals.items())
+    begun = [unturned(e, dithers).subs(time, 0) for e in shift(source)]
+    centred = dict(zip(system.states, states, strict=True))
+    outputs = {
+        "position": tuple(substituted(e, moved(place)) for e in system.outputs["position"]),
+        "J": (signal,),
+        "input": system.inputs,
+        "source": place,
+        "offset": tuple(substituted(e, centred) for e in system.outputs["position"]),
+    }
+    units = {new: system.units[old] for old, new in zip(system.states, states, strict=True)}
+    units |= {x: system.units[x] for x in signals} | {x: "m" for x, _ in slow[::2]}
+    units |= {x: "m/s" for x, _ in slow[1::2]}
+    return Relative(
+        oscillators=dithers,
+        bases=bases,
+        states=states,
+        rates=tuple(rates),
+        signals=known,
+        signal=signal,
+        leading=substituted(law, moved(source, limits)),
+        dither=dither,
+        dither_limit=dither_limit,
+        source=source,
+        hessian=_hessian(twin, source),
+        system=System(
+            states=states,
+            rhs=tuple(unturned(e, dithers) for e in rates),
+            initial=tuple(e - d for e, d in zip(system.initial, begun, strict=True)),
+            inputs=system.inputs,
+            outputs=MappingProxyType(
+                {name: tuple(unturned(e, dithers) for e in es) for name, es in outputs.items()}
+            ),
+            signals=tuple((x, unturned(e, dithers)) for x, e in known),
+            parameters=(*system.parameters, *added),
+            units=MappingProxyType(units),
+            carriers=system.carriers,
+        ),
+    )
+
+
+def _source(system: System, twin: Loop) -> tuple[tuple[Expr, ...], list[Parameter]]:
+    """Return r(t), and the parameters that stand for it where the field does not state it."""
+    if "source" in system.outputs:
+        return system.outputs["source"], []
+    names = axis_names(twin.vehicle.dimension())
+    symbols = tuple(Symbol(f"{name}^*", real=True) for name in names)
+    return symbols, [Parameter(x, "", "m") for x in symbols]
+
+
+def _slow_inputs(
+    source: tuple[Expr, ...], twin: Loop
+) -> tuple[list[tuple[Symbol, Expr]], tuple[Expr, ...], tuple[Expr, ...]]:
+    """Return bindings of r and ṙ, and both per axis: symbols where the source moves."""
+    bound: list[tuple[Symbol, Expr]] = []
+    place: list[Expr] = []
+    drift: list[Expr] = []
+    for name, r in zip(axis_names(twin.vehicle.dimension()), source, strict=True):
+        if r.has(time):
+            position, velocity = (Symbol(f"{x}_{name}", real=True) for x in ("r", "rdot"))
+            bound += [(position, r), (velocity, r.diff(time))]
+        else:
+            position, velocity = r, sympy.Integer(0)
+        place.append(position)
+        drift.append(velocity)
+    return bound, tuple(place), tuple(drift)
+
+
+def _swings(twin: Loop, dithers: Sequence[Oscillator]) -> tuple[Expr, ...]:
+    """Return every vehicle state's steady response to the probes."""
+    swings: list[Expr] = []
+    for axis in range(twin.vehicle.dimension()):
+        motion = twin.controller.motion(axis)
+        assert motion is not None
+        swings += (turned(e, dithers) for e in twin.vehicle.swing(axis, *motion, time=time))
+    return tuple(swings)
+
+
+def _limit(swing: Expr, dithers: Sequence[Oscillator], frequency: Expr) -> Expr:
+    """Return a steady response's limit as ω → ∞, or itself where that is 0 or infinite."""
+    waves = [symbol for o in dithers for symbol in (o.sine, o.cosine)]
+    parts = {wave: sympy.fraction(sympy.cancel(swing.diff(wave))) for wave in waves}
+    limit = sympy.Integer(0)
+    for wave, fraction in parts.items():
+        above, below = (sympy.Poly(e, frequency) for e in fraction)
+        if above.degree() > below.degree():
+            return swing
+        if above.degree() == below.degree():
+            limit += wave * above.LC() / below.LC()
+    return swing if limit == 0 else limit
+
+
+def _renamed(system: System, vehicle: int, still: Sequence[Expr]) -> tuple[Symbol, ...]:
+    """Return the states' symbols: xtilde, vtilde_x, …; e for the washout's η."""
+    names = []
+    for index, x in enumerate(system.states):
+        if index >= vehicle and still[index - vehicle] == 0:
+            names.append(x.name)
+        elif x.name == "eta" and "e" not in {str(p) for p in system.symbols}:
+            names.append("e")
+        else:
+            letters = re.match("[a-z]+", x.name)
+            assert letters is not None
+            names.append(f"{letters[0]}tilde{x.name[letters.end() :]}")
+    return tuple(Symbol(name, real=True) for name in names)
+
+
+def _derivative(swing: Expr, dithers: Sequence[Oscillator]) -> Expr:
+    """Return d/dt of a combination of the oscillators' symbols."""
+    parts = []
+    for o in dithers:
+        parts.append(swing.diff(o.sine) * o.frequency * o.cosine)
+        parts.append(-swing.diff(o.cosine) * o.frequency * o.sine)
+    return sympy.Add(*parts)
+
+
+def _settled(rate: Expr, dithers: Sequence[Oscillator], system: System) -> Expr:
+    """Return a rate with the probe and the response to it cancelled."""
+    oscillating = {symbol for o in dithers for symbol in (o.sine, o.cosine)}
+    numbers = {*system.symbols, *oscillating}
+    pure: dict[Expr, list[Expr]] = {}
+    others = []
+    for term in sympy.Add.make_args(sympy.expand(rate)):
+        if term.free_symbols & oscillating and term.free_symbols <= numbers:
+            coefficient, wave = term.as_independent(*oscillating, as_Add=False)
+            pure.setdefault(wave, []).append(coefficient)
+        else:
+            others.append(term)
+    left = (wave * sympy.cancel(sympy.Add(*cs)) for wave, cs in pure.items())
+    return sympy.Add(*others, *left)
+
+
+def _hessian(twin: Loop, source: Sequence[Expr]) -> sympy.ImmutableMatrix:
+    """Return ∂²J/∂p² at the source."""
+    steps = [sympy.Dummy(real=True) for _ in source]
+    law = twin.field.law([r + d for r, d in zip(source, steps, strict=True)])
+    here = dict.fromkeys(steps, sympy.Integer(0))
+    entries = sympy.hessian(law, steps).applyfunc(lambda e: sympy.simplify(e.subs(here)))
+    return sympy.ImmutableMatrix(entries)

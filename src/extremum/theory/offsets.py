@@ -1,0 +1,216 @@
+"""`bias`: where the mean of an averaged loop rests, cause by cause.
+
+Per axis, with G = N/D, C = N_c/D_c, H the Hessian and M the demodulation matrix as ω → ∞, the mean
+x̃ of position − source obeys
+
+    P(s) x̃ = −D D_c r + N D_c d + N N_c μ,   P = diag(D D_c) − diag(N N_c c) M H:
+
+r is the source, d a constant force at the input, μ what the field's asymmetry leaves at x̃ = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any, Final
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+from sympy import Expr
+
+from ..errors import InvalidDescription
+from ..loop import Loop
+from ..printing import expression_text, symbol_text
+from ..symbols import axis_names, s, sine, substituted
+from ..symbols import t as time
+from .averaged import averaged
+from .averaging import average
+from .demodulation import gradient
+from .equilibrium import mean_of
+from .fourier import series, turned
+from .frame import Frame, Relative, evaluated
+from .linear import LoopGain, linear, loop_gain, polynomial
+
+Vector = NDArray[np.float64]
+Laws = Mapping[str, tuple[Expr, ...]]
+SAMPLES: Final = 1024
+NEGLIGIBLE: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Tracking:
+    """The mean's error while the source swings at one frequency.
+
+    Attributes
+    ----------
+    frequency
+        ω_m (rad/s).
+    source, error
+        Complex amplitudes per axis (m) of r = Re[source e^{jω_m t}] and of x̃ = −S(jω_m) r.
+    """
+
+    frequency: float
+    source: NDArray[np.complex128]
+    error: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Bias:
+    """Static errors of the averaged loop; made by `bias`.
+
+    Attributes
+    ----------
+    frame
+        The loop, with its numbers.
+    laws
+        Cause → the mean of x̃ per axis it leaves, in closed form: ``"source"`` −S(0) r, left by an
+        axis without a pole at 0 (an unstable pole); ``"force"``, G/(1 + L) d, left by a constant
+        force at the input; ``"ramp"``, left by a source of constant velocity; ``"asymmetry"``,
+        left by the field's odd derivatives (a number where the average is taken by quadrature).
+    growth
+        Per axis how fast x̃ grows (m/s), where a ramping source cannot be followed; else zeros.
+    tracking
+        One entry for each frequency of a source that swings.
+    """
+
+    frame: Frame
+    laws: Laws
+    growth: tuple[Expr, ...]
+    tracking: tuple[Tracking, ...]
+
+    @cached_property
+    def parts(self) -> dict[str, Vector]:
+        """Cause → the mean of x̃ (m), per axis."""
+        return {cause: self._numbers(law) for cause, law in self.laws.items()}
+
+    @property
+    def total(self) -> Vector:
+        """The mean of x̃ (m), per axis: the sum of all parts; infinite where it grows."""
+        rates = self._numbers(self.growth)
+        held = sum(self.parts.values(), np.zeros(len(rates)))
+        return np.where(rates == 0, held, np.copysign(np.inf, rates))
+
+    def _numbers(self, law: tuple[Expr, ...]) -> Vector:
+        return np.array(evaluated(law, self.frame.system)(self.frame.values), dtype=float)
+
+    def __str__(self) -> str:
+        names = [symbol_text(f"{name}tilde") for name in axis_names(len(self.growth))]
+        lines = ["Static error of the mean, x̃ = position − source"]
+        for cause, law in self.laws.items():
+            for i, (name, e) in enumerate(zip(names, law, strict=True)):
+                if e != 0:
+                    value = self.parts[cause][i]
+                    stated = "" if e.is_number else f" = {expression_text(e)}"
+                    lines.append(f"  {name}{stated} = {value:.6g} m ({cause})")
+        for name, e in zip(names, self.growth, strict=True):
+            if e != 0:
+                lines.append(f"  {name} grows as {expression_text(e)}: the ramp is not followed")
+        for swing in self.tracking:
+            errors = zip(names, swing.error, strict=True)
+            told = ", ".join(f"|{name}| = {abs(e):.6g} m" for name, e in errors if e)
+            lines.append(f"  at {swing.frequency:.6g} rad/s: {told} (tracking, −S(jω) r)")
+        return "\n".join(lines) if len(lines) > 1 else f"{lines[0]}: none"
+
+
+def bias(loop: Loop) -> Bias:
+    """Return the mean offset of the averaged loop from the source, cause by cause, as ω → ∞.
+
+    x̃ = (I + L)⁻¹ (−r + G d) at s = 0, worked out so that poles at 0 of G and C cancel: p ε x*/(gz −
+    pε) for an unstable pole under a lead, the corrected (54); ε x*/(g − ε) without, (43); d p/(gz)
+    for a constant force on 1/s² under a lead, d/(g C(0)) on 1/s. For fields that are not quadratic
+    it is the first order in x̃; `Average.offset` is the whole.
+
+    Raises
+    ------
+    InvalidDescription
+        As `loop_gain`; and where nothing holds the mean, det(I + L(0)) = 0.
+    """
+    gain = loop_gain(loop)
+    frame = gain.frame
+    laws, growth = _static(frame.equations, frame.loop.twin)
+    if averaged(frame.equations, 1).moments is not None:
+        laws = {**laws, **_left_over(loop, Bias(frame, laws, growth, ()))}
+    return Bias(frame, laws, growth, _tracking(gain))
+
+
+@lru_cache(maxsize=256)
+def _static(equations: Relative, twin: Loop) -> tuple[Laws, tuple[Expr, ...]]:
+    parts = linear(equations, twin)
+    below, above = sympy.diag(*parts.below), sympy.diag(*parts.above).subs(s, 0)
+    still, slope = below.subs(s, 0), below.diff(s).subs(s, 0)
+    matrix: Any = still + above * parts.sensor
+    determinant = sympy.factor(matrix.det())
+    if determinant == 0:
+        raise InvalidDescription(
+            "controller",
+            "does not hold the mean anywhere, det(I + L(0)) = 0: the field is flat, the "
+            "demodulation is singular (two axes share a frequency and a phase), or C or G has a "
+            "zero at s = 0",
+        )
+    inverse = matrix.adjugate() / determinant
+    velocity = sympy.Matrix([mean_of(r.diff(time)) for r in equations.source])
+    pushing = [
+        polynomial(g.numerator) * polynomial(c.denominator)
+        for g, c in zip(parts.plants, parts.compensators, strict=True)
+    ]
+    force = getattr(twin.vehicle, "disturbance", None) or [sympy.Integer(0)] * len(pushing)
+    causes: dict[str, Any] = {
+        "source": -still * sympy.Matrix([mean_of(r) for r in equations.source]),
+        "force": sympy.diag(*pushing).subs(s, 0) * sympy.Matrix(force),
+        "ramp": -slope * velocity,
+        "asymmetry": above * sympy.Matrix(_asymmetry(equations, twin)),
+    }
+    laws = {cause: _simplified(inverse * side) for cause, side in causes.items()}
+    growth = _simplified(-inverse * still * velocity)
+    return {cause: law for cause, law in laws.items() if any(e != 0 for e in law)}, growth
+
+
+def _simplified(column: Any) -> tuple[Expr, ...]:
+    return tuple(sympy.factor(sympy.cancel(e)) for e in column)  # pyright: ignore[reportReturnType]
+
+
+def _asymmetry(equations: Relative, twin: Loop) -> list[Expr]:
+    """Return μ_i = c_i ⟨J reference_i⟩ at x̃ = 0; zeros where it has no closed form."""
+    controller = gradient(twin)
+    here = substituted(equations.leading, dict.fromkeys(equations.states, sympy.Integer(0)))
+    waves = [symbol for o in equations.oscillators for symbol in (o.sine, o.cosine)]
+    if not here.is_polynomial(*waves):
+        return [sympy.Integer(0)] * len(controller.channels)
+    means = []
+    for channel, frequency in zip(controller.channels, controller.frequencies(), strict=True):
+        reference = sine(frequency * time, (channel.reference or channel.dither).phase)
+        product = channel.gain * here * turned(reference, equations.oscillators)
+        means.append(series(sympy.expand(product), equations.oscillators).mean)
+    return means
+
+
+def _left_over(loop: Loop, known: Bias) -> Laws:
+    """Return what the averaged equilibrium has beyond the parts known: the field's asymmetry."""
+    model = average(loop)
+    rest = model.offset - known.total
+    if not np.abs(rest).max() > NEGLIGIBLE * np.abs(model.demodulation).max():
+        return {}
+    return {"asymmetry": tuple(sympy.Float(float(x)) for x in rest)}
+
+
+def _tracking(gain: LoopGain) -> tuple[Tracking, ...]:
+    """Return the errors −S(jω) r at the frequencies of the source's path."""
+    frame = gain.frame
+    base = frame.source_frequency()
+    if base is None:
+        return ()
+    system = frame.system
+    times = 2 * np.pi / base * np.arange(SAMPLES) / SAMPLES
+    law = sympy.lambdify([time, list(system.symbols)], list(frame.equations.source), "numpy")
+    path = [np.broadcast_to(r, times.shape) for r in law(times, frame.values)]
+    waves = 2 * np.fft.rfft(np.array(path), axis=1) / SAMPLES
+    waves[np.abs(waves) < NEGLIGIBLE * np.abs(waves[:, 1:]).max()] = 0
+    found = []
+    for k in range(1, SAMPLES // 2):
+        amplitude = waves[:, k].astype(np.complex128)
+        if amplitude.any():
+            error = -gain.sensitivity(k * base) @ amplitude
+            found.append(Tracking(k * base, amplitude, error))
+    return tuple(found)

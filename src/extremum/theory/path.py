@@ -1,0 +1,94 @@
+"""The averaged equations as a system of their own, and their path."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy
+from sympy import Expr
+
+from ..engines import reference, taylor
+from ..symbols import axis_names, substituted
+from ..symbols import t as time
+from ..system import Oracle, System
+from .averaged import Averaged
+from .fourier import unturned
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@lru_cache(maxsize=256)
+def averaged_system(averaged: Averaged) -> System:
+    """Return the averaged equations as a `System`; means by quadrature are oracles in it."""
+    exact = averaged.equations.system
+    dithers = averaged.equations.oscillators
+    signal = averaged.equations.signal
+    known = dict(exact.signals)
+    slow = averaged.equations.slow
+    first = {time: sympy.Integer(0), **{x: substituted(e, {time: 0}) for x, e in slow}}
+    begun = dict(zip(exact.states, exact.initial, strict=True))
+    state = {x: e for x, e in begun.items() if not e.has(signal)}
+    sensed = substituted(substituted(known[signal], first), state).doit()
+    initial = tuple(substituted(e, {signal: sensed}) for e in exact.initial)
+    means, oracles = _oracles(averaged)
+    place = exact.outputs["source"]
+    offset = exact.outputs["offset"]
+    units = {x: exact.units[x] for x in (*exact.states, *(x for x, _ in slow))}
+    units |= {x: exact.units[signal] for x, _ in means}
+    return System(
+        states=exact.states,
+        rhs=tuple(e + f for e, f in zip(averaged.rates, averaged.forcing, strict=True)),
+        initial=tuple(unturned(e, dithers) for e in initial),
+        inputs=(),
+        outputs=MappingProxyType(
+            {
+                "position": tuple(r + x for r, x in zip(place, offset, strict=True)),
+                "offset": offset,
+            }
+        ),
+        signals=(*slow, *means),
+        parameters=exact.parameters,
+        units=MappingProxyType(units),
+        carriers=(),
+        oracles=MappingProxyType(oracles),
+    )
+
+
+def _oracles(averaged: Averaged) -> tuple[list[tuple[sympy.Symbol, Expr]], dict[str, Oracle]]:
+    if averaged.moments is None:
+        return [], {}
+    at = lru_cache(maxsize=8)(averaged.moments.at)
+    bound, oracles = [], {}
+    for index, moment in enumerate(averaged.moments.wanted):
+        name = f"mean_{index}"
+
+        def value(*numbers: float, index: int = index) -> float:
+            return float(at(numbers)[0][index, 0])
+
+        bound.append((moment.symbol, sympy.Function(name)(*averaged.moments.arguments)))
+        oracles[name] = Oracle(value)
+    return bound, oracles
+
+
+def path(
+    system: System, values: list[float], t_end: float, samples: int, tol: float
+) -> xarray.Dataset:
+    """Return the averaged path from the loop's own start; see `Average.simulate`."""
+    import xarray
+
+    engine = reference if system.oracles or not taylor.available() else taylor
+    times = np.linspace(0.0, t_end, samples)
+    run = engine.integrate(system, values, times, tol=tol)
+    outputs = system.evaluate(run.times, run.states, values)
+    variables: dict[str, Any] = {
+        name: (("time", "axis"), output, {"units": "m"}) for name, output in outputs.items()
+    }
+    for symbol, state in zip(system.states, run.states.T, strict=True):
+        variables[str(symbol)] = (("time",), state, {"units": system.units[symbol]})
+    axes = list(axis_names(outputs["position"].shape[1]))
+    attrs = {"outcome": run.outcome, "end_time": run.end_time}
+    return xarray.Dataset(variables, {"time": run.times, "axis": axes}, attrs)

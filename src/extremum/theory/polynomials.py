@@ -1,0 +1,114 @@
+"""Polynomials in floats: their values, and what of rough solutions is a solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RESIDUAL: Final = 1e-14
+"""A point solves an equation whose value is smaller than this, relative to the terms' sizes."""
+CLUSTER: Final = 1e-3
+"""Approximate solutions closer than this, relative to their size, may be one multiple solution."""
+ZERO: Final = 1e-16
+"""Smaller steps and unknowns, in units in which the coefficients are close to 1, are zero."""
+NEWTON_STEPS: Final = 60
+
+
+@dataclass(frozen=True)
+class Numeric:
+    """Polynomials as sums of coefficients × monomials, in floats.
+
+    `coefficients` has shape (polynomial, monomial), `slopes` (unknown, polynomial, monomial).
+    """
+
+    exponents: NDArray[np.int64]
+    coefficients: Array
+    slopes: Array
+
+    @staticmethod
+    def of(polynomials: Sequence[Any]) -> Numeric:
+        """Return elements of one SymPy polynomial ring in floats."""
+        gens = polynomials[0].ring.gens
+        slopes = [[p.diff(x) for p in polynomials] for x in gens]
+        every = [*polynomials, *(p for row in slopes for p in row)]
+        monomials = sorted({m for p in every for m in p.monoms()} | {(0,) * len(gens)})
+        place = {monomial: j for j, monomial in enumerate(monomials)}
+
+        def table(rows: Sequence[Any]) -> Array:
+            numbers = np.zeros((len(rows), len(monomials)))
+            for row, p in zip(numbers, rows, strict=True):
+                for powers, c in p.terms():
+                    row[place[powers]] = float(c)
+            return numbers
+
+        return Numeric(
+            np.array(monomials), table(polynomials), np.array([table(row) for row in slopes])
+        )
+
+    def _monomials(self, point: Array) -> Array:
+        return np.prod(point**self.exponents, axis=1)
+
+    def values(self, point: Array) -> Array:
+        """Return the polynomials' values."""
+        return self.coefficients @ self._monomials(point)
+
+    def residual(self, point: Array) -> float:
+        """Return the largest value relative to its terms' sizes (at unknowns of at least 1)."""
+        with np.errstate(all="ignore"):
+            sizes = abs(self.coefficients) @ self._monomials(np.maximum(abs(point), 1.0))
+            return float(np.max(abs(self.values(point)) / sizes))
+
+    def polished(self, start: Array) -> Array:
+        """Return where Newton's method comes closest (Gauss–Newton's where it is singular)."""
+        point = best = start
+        lowest = self.residual(start)
+        for _ in range(NEWTON_STEPS):
+            with np.errstate(all="ignore"):
+                monomials = self._monomials(point)
+                values, slopes = self.coefficients @ monomials, (self.slopes @ monomials).T
+            if not (np.isfinite(values).all() and np.isfinite(slopes).all()):
+                break
+            step = np.linalg.lstsq(slopes, -values, rcond=None)[0]
+            point = point + step
+            residual = self.residual(point)
+            if residual < lowest:
+                best, lowest = point, residual
+            if np.linalg.norm(step) <= ZERO * max(1.0, float(np.linalg.norm(point))):
+                break
+        return best
+
+    def distinct(self, points: Sequence[Array]) -> list[Array]:
+        """Return the points that solve the equations, once each.
+
+        Two are the same if all between them solves the equations as well.
+        """
+        residuals = [self.residual(point) for point in points]
+        kept: list[Array] = []
+        for i in np.argsort(residuals, stable=True):
+            solves = residuals[i] <= RESIDUAL
+            if solves and not any(self._linked(points[i], other) for other in kept):
+                kept.append(points[i])
+        return kept
+
+    def _linked(self, one: Array, other: Array) -> bool:
+        between = (one + part * (other - one) for part in (0.25, 0.5, 0.75))
+        return all(self.residual(point) <= RESIDUAL for point in between)
+
+    def centred(self, point: Array, candidates: NDArray[np.complex128]) -> Array:
+        """Return the mean of the candidates around a multiple solution, else the point itself.
+
+        Newton's method gives such a point with 1/m of the digits; a cluster of m eigenvalues is
+        off by as much, but its mean is not.
+        """
+        distances = np.linalg.norm(candidates - point, axis=1)
+        cluster = candidates[distances <= CLUSTER * max(1.0, float(np.linalg.norm(point)))]
+        if len(cluster) < 2:
+            return point
+        mean = cluster.mean(axis=0).real
+        return mean if self.residual(mean) <= RESIDUAL else point

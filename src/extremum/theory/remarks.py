@@ -1,0 +1,164 @@
+"""What a reader of the evidence should know, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import sympy
+from numpy.typing import NDArray
+
+from ..printing import expression_text, symbol_text
+from ..symbols import axis_names, s
+from .collisions import coupling
+from .demodulation import gradient
+from .frame import evaluated
+from .linear import hidden_modes
+
+if TYPE_CHECKING:
+    from .verdict import Verdict
+
+SLOW: Final = 0.1
+"""h/ω and bandwidth/ω above which averaging is warned of."""
+
+PULL: Final = 0.05
+"""ρ = c |C(∞)| q |x̃|/ω above which averaging is warned of."""
+
+FLAT: Final = 1e-9
+
+
+def remarks(verdict: Verdict) -> tuple[str, ...]:
+    """Return what should be said of a verdict, the most important first."""
+    return (
+        *_disagreements(verdict),
+        *_shape(verdict),
+        *_trust(verdict),
+        *_hidden(verdict),
+        *_collisions(verdict),
+        *(f"{note[0].upper()}{note[1:]}." for note in verdict.orbit.notes),
+    )
+
+
+def _word(stable: bool | None) -> str:
+    return "stable" if stable else "unstable"
+
+
+def _disagreements(verdict: Verdict) -> Iterator[str]:
+    printed, corrected, averaged_, exact = verdict.evidence
+    if printed.stable is not None and printed.stable != corrected.stable:
+        yield (
+            f"The paper's printed conditions say {_word(printed.stable)}, the corrected ones "
+            f"{_word(corrected.stable)}: the printed formula is wrong here (docs/errata.md)."
+        )
+    neutral = [c.title for c in (averaged_, exact) if len(c.modes) and _neutral(c.modes)]
+    if neutral:
+        yield (
+            f"A mode of the {' and the '.join(neutral)} is 0 to rounding: the loop is held there, "
+            "but it does not come back; that is not exponential stability."
+        )
+    elif exact.silence and averaged_.stable:
+        yield (
+            "The averaged loop is stable, but at this ω no periodic orbit was found: the claim of "
+            "the theorems, for all sufficiently large ω, does not reach down to it."
+        )
+    elif averaged_.stable != exact.stable and not averaged_.silence:
+        yield (
+            f"Averaging says {_word(averaged_.stable)} ({averaged_.rate:+.4g} 1/s), the exact "
+            f"orbit {_word(exact.stable)} ({exact.rate:+.4g} 1/s): ω is too low for the average, "
+            "or the loop is too near to the boundary."
+        )
+
+
+def _neutral(modes: NDArray[np.complex128]) -> bool:
+    return bool(np.abs(modes.real).min() <= FLAT * np.abs(modes).max())
+
+
+def _shape(verdict: Verdict) -> Iterator[str]:
+    """Say where the field is no maximum at the source."""
+    hessian = verdict.average.hessian
+    values, vectors = np.linalg.eigh(hessian)
+    size = np.abs(values).max(initial=0.0)
+    names = axis_names(len(values))
+    for value, vector in zip(values, vectors.T, strict=True):
+        along = ", ".join(f"{n} {x:+.3f}" for n, x in zip(names, vector, strict=True))
+        if value > FLAT * size:
+            yield (
+                f"The source is no maximum: the field rises along ({along}), where its second "
+                f"derivative is {value:+.4g}."
+            )
+        elif size == 0 or value > -FLAT * size:
+            yield f"The field is flat along ({along}): nothing drives the loop there."
+
+
+def _trust(verdict: Verdict) -> Iterator[str]:
+    model = verdict.average
+    frequency = min(
+        abs(f) for f in evaluated(model.frame.system.carriers, model.frame.system)(model.values)
+    )
+    washout = gradient(model.frame.loop).washout
+    if washout > SLOW * frequency:
+        yield _warned(f"h/ω = {washout / frequency:.2g}", "the washout turns the dither")
+    size = max(np.abs(model.eigenvalues).max(initial=0.0), 0.0)
+    if size > SLOW * frequency:
+        yield _warned(
+            f"the loop's fastest mode over ω = {size / frequency:.2g}", "the loop is fast"
+        )
+    pull = _pull(verdict, frequency)
+    if pull > PULL:
+        yield _warned(
+            f"ρ = c |C(∞)| q |x̃|/ω = {pull:.2g} at the equilibrium",
+            "so far from the peak the washout couples at order 1/ω; above about 0.3 orbits vanish",
+        )
+
+
+def _warned(number: str, why: str) -> str:
+    return f"The averaged verdict should not be trusted by itself: {number}, {why}."
+
+
+def _pull(verdict: Verdict, frequency: float) -> float:
+    model = verdict.average
+    offset = model.offset
+    if not np.isfinite(offset).all():
+        return 0.0
+    channels = gradient(model.frame.loop).channels
+    direct = [
+        abs(float(sympy.limit(c.compensator.law(), s, sympy.oo))) * abs(c.gain) for c in channels
+    ]
+    return float(max(direct) * np.abs(model.hessian @ offset).max() / 2 / frequency)
+
+
+def _hidden(verdict: Verdict) -> Iterator[str]:
+    for axis, pole in hidden_modes(verdict.average.frame):
+        kind = "unstable" if pole.real >= 0 else "stable"
+        yield (
+            f"On {axis} a zero of C cancels a pole of G, or the reverse, at {_number(pole)} 1/s: "
+            f"that mode is hidden from the loop, and it is {kind}."
+        )
+
+
+def _number(pole: complex) -> str:
+    return f"{pole.real:.6g}" if abs(pole.imag) < FLAT * abs(pole) else f"{pole:.6g}"
+
+
+def _collisions(verdict: Verdict) -> Iterator[str]:
+    model = verdict.average
+    found = model.resonances
+    exact = [r for r in found if r.frequency == 0]
+    if exact:
+        told = ", ".join(map(str, exact))
+        added = coupling(model.frame.loop)
+        if added:
+            terms = "; ".join(
+                f"d{symbol_text(x.name)}/dt gains {expression_text(e)}" for x, e in added.items()
+            )
+            yield f"Frequencies collide ({told}), which couples the axes at every ω: {terms}."
+        elif not model.exact:
+            yield f"Frequencies collide ({told}); what that couples is in the average."
+    slow = [r for r in found if r.frequency > 0]
+    if slow:
+        told = ", ".join(map(str, slow[:3]))
+        yield (
+            f"Frequencies nearly collide ({told}), within ten times the loop's fastest mode: the "
+            "beat drives the loop slowly; the averaged eigenvalues leave it out."
+        )

@@ -1,0 +1,144 @@
+"""A verdict as a table and as plain data."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+from ..printing import expression_text
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from .conditions import Condition
+    from .verdict import Evidence, Verdict
+
+WIDTH = 118
+
+
+def text(verdict: Verdict) -> str:
+    """Return the verdict, the table and the remarks as plain text."""
+    from rich.console import Console
+
+    out = io.StringIO()
+    console = Console(file=out, width=WIDTH, color_system=None)
+    console.print(rendered(verdict))
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
+
+
+def rendered(verdict: Verdict) -> RenderableType:
+    """Return the same for a terminal."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    orbit = verdict.orbit
+    word = "stable" if verdict.stable else "not stable" if orbit.found else "not shown to be stable"
+    colour = "green" if verdict.stable else "red"
+    told = (
+        f": largest Floquet exponent {orbit.exponents[0].real:+.6g} 1/s, orbit of period "
+        f"{orbit.period:.6g} s, mean offset from the source ({_row(orbit.offset)}) m"
+        if orbit.found
+        else ""
+    )
+    table = Table(show_lines=False, pad_edge=False, expand=False)
+    for column in verdict.evidence:
+        table.add_column(column.title, vertical="top", overflow="fold")
+    table.add_row(*(_verdict(column) for column in verdict.evidence))
+    table.add_row(*(_rate(column) for column in verdict.evidence), end_section=True)
+    printed, corrected, *_ = verdict.evidence
+    averaged_modes, exact_modes = _modes(verdict)
+    table.add_row(_conditions(printed), _conditions(corrected), averaged_modes, exact_modes)
+    parts: list[Any] = [Text.assemble((word, f"bold {colour}"), told), table]
+    parts += [Text(f"• {remark}") for remark in verdict.remarks]
+    return Group(*parts)
+
+
+def data(verdict: Verdict) -> dict[str, Any]:
+    """Return the verdict as plain lists, numbers and text."""
+    orbit, pairs = verdict.orbit, verdict.modes
+    return {
+        "stable": verdict.stable,
+        "outcome": orbit.outcome,
+        "evidence": [
+            {
+                "title": column.title,
+                "stable": column.stable,
+                "rate": _finite(column.rate),
+                "silence": column.silence,
+                "modes": [_complex(mode) for mode in column.modes],
+                "conditions": [_condition(c) for c in column.conditions],
+            }
+            for column in verdict.evidence
+        ],
+        "modes": []
+        if pairs is None
+        else [
+            {"averaged": _complex(a), "floquet": _complex(b), "distance": float(d)}
+            for (a, b), d in zip(pairs.pairs, pairs.distances, strict=True)
+        ],
+        "orbit": {
+            "period": _finite(orbit.period),
+            "mean": orbit.mean.tolist(),
+            "offset": orbit.offset.tolist(),
+            "amplitude": orbit.amplitude.tolist(),
+            "J_mean": _finite(orbit.J_mean),
+            "J_range": [_finite(x) for x in orbit.J_range],
+        },
+        "remarks": list(verdict.remarks),
+    }
+
+
+def _verdict(column: Evidence) -> str:
+    if column.stable is None:
+        return f"—\n{column.silence}"
+    word = "stable" if column.stable else "not stable"
+    return f"{word}\n{column.silence}" if column.silence else word
+
+
+def _rate(column: Evidence) -> str:
+    return "" if column.rate != column.rate else f"{column.rate:+.6g} 1/s"
+
+
+def _conditions(column: Evidence) -> str:
+    return "\n".join(
+        f"{'✓' if c.holds else '✗'} {c.text()}  ({c.value:.4g})" for c in column.conditions
+    )
+
+
+def _modes(verdict: Verdict) -> tuple[str, str]:
+    pairs = verdict.modes
+    if pairs is None:
+        columns = (verdict.evidence[2].modes, verdict.evidence[3].modes)
+        return tuple("\n".join(_shown(mode) for mode in modes) for modes in columns)  # pyright: ignore[reportReturnType]
+    left = "\n".join(_shown(a) for a, _ in pairs.pairs)
+    right = "\n".join(
+        f"{_shown(b)}  Δ {d:.1e}" for (_, b), d in zip(pairs.pairs, pairs.distances, strict=True)
+    )
+    return left, right
+
+
+def _shown(mode: complex) -> str:
+    return f"{mode.real:+.6f}" + (f" {mode.imag:+.6f}j" if abs(mode.imag) > 1e-12 else "")
+
+
+def _row(vector: Any) -> str:
+    return ", ".join(f"{x:.4g}" for x in vector)
+
+
+def _complex(mode: Any) -> list[float]:
+    return [float(mode.real), float(mode.imag)]
+
+
+def _finite(number: float) -> float | None:
+    return float(number) if number == number else None
+
+
+def _condition(condition: Condition) -> dict[str, Any]:
+    return {
+        "name": condition.name,
+        "expression": f"{expression_text(condition.expression)} > 0",
+        "value": condition.value,
+        "margin": condition.margin,
+        "holds": condition.holds,
+    }
