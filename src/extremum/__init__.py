@@ -16,6 +16,8 @@
 >>> run = es.simulate(loop, 4.0)
 >>> run.attrs["outcome"]
 'completed'
+>>> es.stability(loop).stable
+True
 """
 
 from __future__ import annotations
@@ -62,15 +64,36 @@ from .symbols import (
     tanh,
 )
 from .system import System
+from .theory import (
+    Average,
+    Bias,
+    Condition,
+    Critical,
+    LoopGain,
+    Lyapunov,
+    Orbit,
+    Verdict,
+    average,
+    bias,
+    critical_frequency,
+    loop_gain,
+    lyapunov,
+    periodic_orbit,
+    stability,
+)
 from .vehicles import PointMass, Vehicle
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Along",
+    "Average",
+    "Bias",
     "Channel",
     "Circle",
+    "Condition",
     "Controller",
+    "Critical",
     "Dither",
     "Excitation",
     "Expression",
@@ -86,9 +109,12 @@ __all__ = [
     "Lead",
     "Line",
     "Loop",
+    "LoopGain",
+    "Lyapunov",
     "Moving",
     "OnDither",
     "Opaque",
+    "Orbit",
     "Parameter",
     "Path",
     "PointMass",
@@ -103,6 +129,7 @@ __all__ = [
     "Transfer",
     "TransferFunction",
     "Vehicle",
+    "Verdict",
     "View",
     "__version__",
     "acos",
@@ -112,14 +139,20 @@ __all__ = [
     "atan",
     "atan2",
     "atanh",
+    "average",
+    "bias",
     "cos",
     "cosh",
+    "critical_frequency",
     "exp",
     "field_from",
     "format_scenario",
     "load_scenario",
     "log",
+    "loop_gain",
+    "lyapunov",
     "parse_scenario",
+    "periodic_orbit",
     "pi",
     "plots",
     "s",
@@ -127,6 +160,7 @@ __all__ = [
     "sin",
     "sinh",
     "sqrt",
+    "stability",
     "t",
     "tan",
     "tanh",

@@ -15,7 +15,7 @@ import extremum as es
 from extremum import s
 from extremum.engines import flow
 from extremum.parameters import Parameter
-from extremum.symbols import t
+from extremum.symbols import parse, t
 from extremum.system import System
 
 ENGINES = ("taylor", "reference")
@@ -29,17 +29,17 @@ def system(rates: str, *, names: str = "x", carriers: str = "", **signals: str) 
     bound = []
     for name, text in signals.items():
         known[name] = sympy.Symbol(name, real=True)
-        bound.append((known[name], sympy.sympify(text, known)))
+        bound.append((known[name], parse(text, known)))
     return System(
         states=states,
-        rhs=tuple(sympy.sympify(rate, known) for rate in rates.split(",")),
+        rhs=tuple(parse(rate, known) for rate in rates.split(",")),
         initial=(sympy.Integer(1),) * len(states),
         inputs=(),
         outputs={},
         signals=tuple(bound),
         parameters=tuple(Parameter(p, str(p), "1") for p in parameters),
         units=dict.fromkeys(known.values(), "1"),
-        carriers=tuple(sympy.sympify(c, known) for c in carriers.split(",") if c),
+        carriers=tuple(parse(c, known) for c in carriers.split(",") if c),
     )
 
 
@@ -112,6 +112,20 @@ def test_a_start_for_each_segment() -> None:
     assert found.states[0] == 1.0
     assert found.states[1:, 0] == pytest.approx(starts[:, 0] * growth, rel=1e-13)
     assert found.factors[:, 0, 0] == pytest.approx(growth, rel=1e-13)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("power", [2, 3, 5, 6, 11])
+def test_powers_at_zero(engine: str, power: int) -> None:
+    """ẋ = xⁿ + a (b + 1/2)ⁿ rests at x = 0 for b = −1/2, with Φ = 1; the base is exactly 0."""
+    text = f"x**{power} + a*(b + 1/2)**{power}"
+    found = flow.transition(system(text), (1.0, -0.5, 0.0), (0.0,), 0.0, 1.0, engine=engine)
+    assert found.completed
+    assert found.state == [0.0]
+    assert found.matrix == [[1.0]]
+    elsewhere = flow.transition(system(text), (1.0, -0.5, 0.0), (0.5,), 0.0, 1.0, engine=engine)
+    exact = (0.5 ** (1 - power) - (power - 1)) ** (1 / (1 - power))
+    assert elsewhere.state[0] == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -200,7 +214,7 @@ def test_two_threads_do_not_share_an_integrator() -> None:
     def sweep(order: np.ndarray) -> dict[int, float]:
         together.wait()
         return {
-            int(i): flow.transition(linear, (rates[i], 0, 9), (1.0,), 0.0, 3.0).matrix[0, 0]
+            int(i): flow.transition(linear, (float(rates[i]), 0, 9), (1.0,), 0.0, 3.0).matrix[0, 0]
             for i in order
         }
 

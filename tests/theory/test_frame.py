@@ -78,9 +78,7 @@ def test_the_steady_response_to_the_probe_is_gone(name: str) -> None:
     equations = relative(still).equations
     count = len(still.vehicle.state_names())
     waves = {x for o in equations.oscillators for x in (o.sine, o.cosine)}
-    gains = {
-        p.symbol: sympy.Integer(0) for p in still.system.parameters if p.path.endswith("gain")
-    }
+    gains = {p.symbol: sympy.Integer(0) for p in still.system.parameters if p.path.endswith("gain")}
     gains = {k: v for k, v in gains.items() if "axes" not in k.name}
     signals = {x for x, _ in equations.signals}
     for rate in equations.rates[:count]:

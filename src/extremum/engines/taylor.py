@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import sympy
@@ -157,7 +157,24 @@ def translated(system: System, expressions: Sequence[Expr]) -> list[Any]:
 def _translate(expression: Expr, table: Mapping[Any, Any]) -> Any:
     import heyoka
 
-    return heyoka.from_sympy(_floats(expression), table)
+    powers = {
+        power: sympy.Dummy()
+        for power in expression.atoms(sympy.Pow)
+        if power.exp.is_Integer and power.exp > 2
+    }
+    products = {
+        product: _power(_translate(cast(Expr, power.base), table), int(power.exp))
+        for power, product in powers.items()
+    }
+    return heyoka.from_sympy(_floats(substituted(expression, powers)), {**table, **products})
+
+
+def _power(base: Any, exponent: int) -> Any:
+    """Return a power as products: heyoka's own, whose series divides by the base, is NaN at 0."""
+    if exponent == 1:
+        return base
+    half = _power(base, exponent // 2)
+    return half * half * base if exponent % 2 else half * half
 
 
 def _floats(expression: Expr) -> Expr:

@@ -95,7 +95,10 @@ class Average:
         """
         law = self.equilibrium_law
         if law is not None:
-            found = evaluated(tuple(law.values()), self.system)(self.values)
+            try:
+                found = evaluated(tuple(law.values()), self.system)(self.values)
+            except ZeroDivisionError:  # the gain that holds it is zero
+                return None
             return np.array(found, dtype=float) if np.isfinite(found).all() else None
         return nearest(
             lambda x: self._at(x)[0], lambda x: self._at(x)[1], np.zeros(len(self.states))

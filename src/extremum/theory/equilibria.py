@@ -244,7 +244,10 @@ def _solutions(polynomials: Sequence[Any], indices: tuple[int, ...], ring: PolyR
     if free:
         raise _undetermined(free)
     numeric = Numeric.of(system)
-    candidates = _candidates(basis, leading, small)
+    matrices = _multiplications(basis, leading, small)
+    candidates = _joint_eigenvalues(matrices)
+    if not numeric.leads_everywhere(candidates):
+        candidates = _joint_eigenvalues_precisely(matrices)
     found = numeric.distinct([numeric.polished(start) for start in candidates.real])
     centred = [numeric.centred(point, candidates) for point in found]
     return [np.where(abs(point) <= ZERO, 0.0, point) * units for point in centred]
@@ -284,31 +287,63 @@ def _scaled(
     return scaled, np.array([2.0**e for e in exponents[:count]])
 
 
-def _candidates(
-    basis: Sequence[Any], leading: Sequence[Any], ring: PolyRing
-) -> NDArray[np.complex128]:
-    """Return all complex solutions, roughly: shape (solution, unknown).
+def _multiplications(basis: Sequence[Any], leading: Sequence[Any], ring: PolyRing) -> list[Any]:
+    """Return, for each unknown x, the matrix with x·bₖ = Σ Tₖⱼ bⱼ modulo the equations.
 
-    The vector of standard monomials at a solution is a common eigenvector of the matrices of
-    multiplication by the unknowns; it is taken from a random combination of them.
+    b are the standard monomials, those that no leading monomial of the basis divides.
     """
     count = len(ring.gens)
     monomials = [(0,) * count]
     for monomial in monomials:
         for i in range(count):
-            larger = tuple(power + (i == j) for j, power in enumerate(monomial))
+            larger = _times(monomial, i)
             if larger not in monomials and not any(_divides(m, larger) for m in leading):
                 monomials.append(larger)
-    place = {monomial: j for j, monomial in enumerate(monomials)}
-    matrices = np.zeros((count, len(monomials), len(monomials)))
-    for k, monomial in enumerate(monomials):
-        for i in range(count):
-            larger = tuple(power + (i == j) for j, power in enumerate(monomial))
-            for powers, c in ring.from_dict({larger: QQ(1)}).rem(basis).terms():
-                matrices[i, k, place[powers]] = float(c)
-    weights = np.random.default_rng(0).uniform(1, 2, count)
-    _, vectors = np.linalg.eig(np.tensordot(weights, matrices, 1))
-    return np.einsum("jv,ijk,kv->vi", vectors.conj(), matrices, vectors)
+    matrices: list[Any] = []
+    for i in range(count):
+        products = [ring.from_dict({_times(m, i): QQ(1)}).rem(basis) for m in monomials]
+        matrices.append([[remainder.get(m, QQ(0)) for m in monomials] for remainder in products])
+    return matrices
+
+
+def _joint_eigenvalues(matrices: Sequence[Any]) -> NDArray[np.complex128]:
+    """Return all complex solutions, roughly: shape (solution, unknown).
+
+    The standard monomials at a solution are a common eigenvector of the matrices; it is taken from
+    a random combination of them.
+    """
+    tables = np.array(matrices, dtype=float)
+    _, vectors = np.linalg.eig(np.tensordot(_weights(len(matrices)), tables, 1))
+    return np.einsum("jv,ijk,kv->vi", vectors.conj(), tables, vectors)
+
+
+def _joint_eigenvalues_precisely(matrices: Sequence[Any]) -> NDArray[np.complex128]:
+    """Return the same with 50 digits on the way, for solutions of very different sizes."""
+    import mpmath
+
+    with mpmath.workdps(50):
+        tables: list[Any] = [
+            mpmath.matrix([[mpmath.mpf(c.numerator) / c.denominator for c in row] for row in rows])
+            for rows in matrices
+        ]
+        weights = _weights(len(tables))
+        mixed = sum(
+            (t * w for t, w in zip(tables[1:], weights[1:], strict=True)), tables[0] * weights[0]
+        )
+        _, vectors = mpmath.eig(mixed)
+        found = []
+        for k in range(mixed.rows):
+            v = vectors[:, k]
+            found.append([complex((v.H * t * v)[0] / (v.H * v)[0]) for t in tables])
+    return np.array(found)
+
+
+def _weights(count: int) -> Array:
+    return np.random.default_rng(0).uniform(1, 2, count)
+
+
+def _times(monomial: tuple[int, ...], index: int) -> tuple[int, ...]:
+    return tuple(power + (index == j) for j, power in enumerate(monomial))
 
 
 def _divides(smaller: tuple[int, ...], larger: tuple[int, ...]) -> bool:

@@ -12,8 +12,8 @@ from ..symbols import substituted
 from ..symbols import t as time
 from .averaged import Averaged
 
-MAX_SOLVED: Final = 6
-"""States up to which coupled rates are solved in closed form."""
+MAX_SOLVED: Final = 4
+"""States up to which coupled rates are solved in closed form, unless the solution is 0."""
 
 
 def mean_of(expression: Expr) -> Expr:
@@ -44,19 +44,24 @@ def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
     states = averaged.equations.states
     pending = dict(zip(states, held(averaged), strict=True))
     known: dict[Symbol, Expr] = {}
+    zero = sympy.Integer(0)
     while pending:
         group = _group(pending)
-        if len(group) > MAX_SOLVED:
-            return None
         zeros = {x: e for x, e in known.items() if e == 0}
         rows = [sympy.expand(substituted(pending[x], zeros)) for x in group]
         matrix = sympy.Matrix(rows).jacobian(group)
+        constant = sympy.Matrix([substituted(row, dict.fromkeys(group, zero)) for row in rows])
         if matrix.has(*group):
+            return None
+        if constant.is_zero_matrix:
+            known |= dict.fromkeys(group, zero)
+            pending = {x: e for x, e in pending.items() if x not in group}
+            continue
+        if len(group) > MAX_SOLVED:
             return None
         determinant = sympy.factor(matrix.det())
         if determinant == 0:
             return None
-        constant = sympy.Matrix([row.subs(dict.fromkeys(group, 0)) for row in rows])
         solved = -matrix.adjugate() * constant
         for x, e in zip(group, solved, strict=True):
             law: Any = sympy.factor(sympy.cancel(e / determinant))

@@ -107,9 +107,20 @@ class Frame:
 
     def frequencies(self) -> tuple[float, ...]:
         """Return every angular frequency (rad/s): the dithers', then the source's."""
-        found = evaluated(self.system.carriers, self.system)(self.values)
-        found += evaluated(_slow_frequencies(self.system) or (), self.system)(self.values)
-        return tuple(dict.fromkeys(abs(float(f)) for f in found if f))
+        base, multiples = self._multiples()
+        return tuple(dict.fromkeys(float(m * base) for m in multiples))
+
+    def _multiples(self) -> tuple[Fraction, list[Fraction]]:
+        """Return ω, and every frequency as a multiple of it: as its ratio or its decimals say."""
+        controller: Any = self.loop.twin.controller
+        ratios = tuple(sympy.cancel(c / controller.base()) for c in self.system.carriers)
+        base = Fraction(repr(float(self.loop.controller.base())))
+        multiples = [
+            Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else _fraction(number)
+            for law, number in zip(ratios, evaluated(ratios, self.system)(self.values), strict=True)
+        ]
+        slow = evaluated(_slow_frequencies(self.system) or (), self.system)(self.values)
+        return base, [*multiples, *(_fraction(abs(f)) / base for f in slow if f)]
 
     def period(self) -> tuple[float, int] | None:
         """Return the time after which everything repeats (s), and how many cycles that is.
@@ -117,22 +128,22 @@ class Frame:
         A cycle is one of the slowest dither. None if nothing repeats within 20,000 cycles, or if
         time enters otherwise than by sines.
         """
-        frequencies = self.frequencies()
-        if not frequencies or _slow_frequencies(self.system) is None:
+        if not self.system.carriers or _slow_frequencies(self.system) is None:
             return None
-        common = _common(frequencies)
-        cycles = round(min(evaluated(self.system.carriers, self.system)(self.values)) / common)
-        return None if cycles > MAX_CYCLES else (2 * math.pi / common, cycles)
+        base, multiples = self._multiples()
+        common = _common(multiples)
+        cycles = int(min(multiples[: len(self.system.carriers)]) / common)
+        return None if cycles > MAX_CYCLES else (2 * math.pi / float(common * base), cycles)
 
     def source_frequency(self) -> float | None:
         """Return the frequency at which a swinging source repeats (rad/s), None if it does not."""
         turning = [c for r in self.equations.source for c in r.atoms(sympy.sin, sympy.cos)]
         laws = tuple(sympy.expand(c.args[0]).coeff(time) for c in turning if c.has(time))
-        found = [abs(float(f)) for f in evaluated(laws, self.system)(self.values) if f]
+        found = [_fraction(abs(f)) for f in evaluated(laws, self.system)(self.values) if f]
         if not found:
             return None
         common = _common(found)
-        return None if max(found) / common > MAX_CYCLES else common
+        return None if max(found) / common > MAX_CYCLES else float(common)
 
 
 def relative(loop: Loop) -> Frame:
@@ -149,16 +160,14 @@ def relative(loop: Loop) -> Frame:
     return Frame(ready.loop, equations, values, ready.notes)
 
 
-def _common(frequencies: Sequence[float]) -> float:
-    """Return the largest frequency of which all are multiples, as their decimals state them."""
-    first = _fraction(frequencies[0])
-    ratios = [_fraction(f) / first for f in frequencies]
-    above, below = zip(*(r.as_integer_ratio() for r in ratios), strict=True)
-    return float(Fraction(math.gcd(*above), math.lcm(*below))) * frequencies[0]
+def _common(numbers: Sequence[Fraction]) -> Fraction:
+    """Return the largest number of which all are multiples."""
+    above, below = zip(*(n.as_integer_ratio() for n in numbers), strict=True)
+    return Fraction(math.gcd(*above), math.lcm(*below))
 
 
-def _fraction(number: float) -> Fraction:
-    return Fraction(repr(number))
+def _fraction(number: Any) -> Fraction:
+    return Fraction(repr(float(number)))
 
 
 @lru_cache(maxsize=512)

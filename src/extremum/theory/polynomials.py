@@ -17,6 +17,8 @@ CLUSTER: Final = 1e-3
 """Approximate solutions closer than this, relative to their size, may be one multiple solution."""
 ZERO: Final = 1e-16
 """Smaller steps and unknowns, in units in which the coefficients are close to 1, are zero."""
+SINGULAR: Final = 1e-6
+"""A solution whose Jacobian's singular values have a smaller ratio counts as a multiple one."""
 NEWTON_STEPS: Final = 60
 
 
@@ -51,21 +53,26 @@ class Numeric:
             np.array(monomials), table(polynomials), np.array([table(row) for row in slopes])
         )
 
-    def _monomials(self, point: Array) -> Array:
+    def _monomials(self, point: Any) -> Any:
         return np.prod(point**self.exponents, axis=1)
 
-    def values(self, point: Array) -> Array:
+    def values(self, point: Any) -> Any:
         """Return the polynomials' values."""
         return self.coefficients @ self._monomials(point)
 
-    def residual(self, point: Array) -> float:
+    def _sizes(self, point: Any) -> Array:
+        return abs(self.coefficients) @ self._monomials(np.maximum(abs(point), 1.0))
+
+    def residual(self, point: Any) -> float:
         """Return the largest value relative to its terms' sizes (at unknowns of at least 1)."""
         with np.errstate(all="ignore"):
-            sizes = abs(self.coefficients) @ self._monomials(np.maximum(abs(point), 1.0))
-            return float(np.max(abs(self.values(point)) / sizes))
+            return float(np.max(abs(self.values(point)) / self._sizes(point)))
 
-    def polished(self, start: Array) -> Array:
-        """Return where Newton's method comes closest (Gauss–Newton's where it is singular)."""
+    def polished(self, start: Any) -> Any:
+        """Return where Newton's method comes closest (Gauss–Newton's where it is singular).
+
+        Real from a real start, complex from a complex one.
+        """
         point = best = start
         lowest = self.residual(start)
         for _ in range(NEWTON_STEPS):
@@ -83,22 +90,37 @@ class Numeric:
                 break
         return best
 
-    def distinct(self, points: Sequence[Array]) -> list[Array]:
+    def distinct(self, points: Sequence[Any]) -> list[Any]:
         """Return the points that solve the equations, once each.
 
         Two are the same if all between them solves the equations as well.
         """
         residuals = [self.residual(point) for point in points]
-        kept: list[Array] = []
+        kept: list[Any] = []
         for i in np.argsort(residuals, stable=True):
             solves = residuals[i] <= RESIDUAL
             if solves and not any(self._linked(points[i], other) for other in kept):
                 kept.append(points[i])
         return kept
 
-    def _linked(self, one: Array, other: Array) -> bool:
+    def _linked(self, one: Any, other: Any) -> bool:
         between = (one + part * (other - one) for part in (0.25, 0.5, 0.75))
         return all(self.residual(point) <= RESIDUAL for point in between)
+
+    def leads_everywhere(self, candidates: NDArray[np.complex128]) -> bool:
+        """Return whether as many solutions as candidates are found from them.
+
+        Several may lead to one solution only if that is a multiple one.
+        """
+        ends = [self.polished(start) for start in candidates]
+        count = 0
+        for point in self.distinct(ends):
+            with np.errstate(all="ignore"):
+                slopes = (self.slopes @ self._monomials(point)).T * np.maximum(abs(point), 1.0)
+            sizes = np.linalg.svd(slopes / self._sizes(point)[:, None], compute_uv=False)
+            simple = sizes[-1] > SINGULAR * sizes[0]
+            count += 1 if simple else sum(self._linked(point, end) for end in ends)
+        return count >= len(candidates)
 
     def centred(self, point: Array, candidates: NDArray[np.complex128]) -> Array:
         """Return the mean of the candidates around a multiple solution, else the point itself.

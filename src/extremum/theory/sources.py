@@ -27,7 +27,6 @@ SMALL: Final = 1e-6
 """Slope at a maximum, as a part of how much J changes over the dither's size."""
 
 
-
 @dataclass(frozen=True)
 class Located:
     """A loop that theory can take: its field symbolic, its probe steady, its source known.
@@ -111,38 +110,52 @@ def _uphill(
     from scipy.optimize import minimize
 
     start, size = _start(loop), _size(loop)
+    count = len(start)
+    height, slope = _quiet(value, ()), _quiet(gradient, (count,))
+    bend = _quiet(curved, (count, count))
 
     def downhill(scaled: Vector) -> tuple[float, Vector]:
         point = start + size * scaled
-        try:
-            height, slope = float(value(point)), np.array(gradient(point), dtype=float)
-        except (ValueError, OverflowError, ZeroDivisionError):
-            return math.inf, np.zeros(len(point))
-        return (-height, -size * slope) if math.isfinite(height) else (math.inf, 0 * slope)
+        found = float(height(point))
+        return (-found, -size * slope(point)) if math.isfinite(found) else (math.inf, 0 * point)
 
-    if not np.any(gradient(start)):
+    if not np.any(slope(start)):
         return start
     with np.errstate(all="ignore"):
-        climbed = minimize(downhill, np.zeros(len(start)), jac=True, method="BFGS")
+        climbed = minimize(downhill, np.zeros(count), jac=True, method="BFGS")
         point = start + size * climbed.x
+        lost = not float(np.abs(climbed.x).max()) < FAR
         for _ in range(20):
-            hessian = np.array(curved(point), dtype=float)
-            step = np.linalg.lstsq(hessian, -np.array(gradient(point), dtype=float), rcond=None)[0]
-            if not np.isfinite(step).all() or np.linalg.norm(step) > size:
+            parts = bend(point), -slope(point)
+            if not all(np.isfinite(part).all() for part in parts):
+                break
+            step = np.linalg.lstsq(*parts, rcond=None)[0]
+            if np.abs(step).max() > size:
                 break
             point = point + step
-        slope = np.array(gradient(point), dtype=float)
-        around = [value(point + size * e) for axis in np.eye(len(point)) for e in (axis, -axis)]
-        change = float(np.abs(np.array(around) - value(point)).max())
-    lost = float(np.linalg.norm(point - start)) > FAR * size
-    if lost or not float(np.linalg.norm(slope)) * size <= SMALL * change:
+        steep = float(np.linalg.norm(slope(point)))
+        around = [height(point + sign * size * e) for e in np.eye(count) for sign in (1, -1)]
+        change = float(np.abs(np.array(around) - height(point)).max())
+    if lost or not steep * size <= SMALL * change:
         raise InvalidDescription(
             "field",
             f"has no maximum uphill from the start {_shown(start)}: the climb ended at "
-            f"{_shown(point)} with slope {np.linalg.norm(slope):.3g}. Theory is about a "
+            f"{_shown(point)} with slope {steep:.3g}. Theory is about a "
             "neighbourhood of the source; start nearer to one, or take a field that states it",
         )
     return point
+
+
+def _quiet(function: Callable[[Any], Any], shape: tuple[int, ...]) -> Callable[[Any], Vector]:
+    """Return the function with NaN where it has no value."""
+
+    def asked(point: Any) -> Vector:
+        try:
+            return np.array(function(point), dtype=float).reshape(shape)
+        except (ValueError, OverflowError, ZeroDivisionError):
+            return np.full(shape, np.nan)
+
+    return asked
 
 
 def _local_quadratic(loop: Loop) -> tuple[Field, str]:
@@ -150,7 +163,6 @@ def _local_quadratic(loop: Loop) -> tuple[Field, str]:
     moving = loop.field if isinstance(loop.field, Moving) else None
     field = moving.field if moving else loop.field
     size, axes = _size(loop), loop.vehicle.dimension()
-
     value = _evaluated(field, axes)
 
     def gradient(point: Any) -> Vector:

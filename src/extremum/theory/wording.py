@@ -118,9 +118,9 @@ def _equilibrium(average: Average, back: Mapping[Symbol, Expr]) -> list[tuple[st
     """Return rows of the equilibrium, in closed form with Xᵉ for what stands above."""
     states = average.states
     law = equilibrium_steps(average.averaged)
+    if average.equilibrium is None:
+        return [("Xᵉ", "none found")]
     if law is None:
-        if average.equilibrium is None:
-            return [("Xᵉ", "none found")]
         return [
             (f"{symbol_text(x.name)}ᵉ", f"{value:.9g}")
             for x, value in zip(states, average.equilibrium, strict=True)

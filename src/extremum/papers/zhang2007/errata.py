@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import StringIO
 from typing import TYPE_CHECKING, Final
 
 from . import claims, evidence
-from .tables import Table
+from .tables import Table, escaped
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -45,19 +46,19 @@ class Erratum:
     shows: str
     evidence: Callable[[], Table]
 
+    def heading(self) -> str:
+        """Return its heading in the documentation."""
+        return f"## {self.number}. {escaped(self.where)}"
+
     def markdown(self) -> str:
         """Return it as a section of the documentation, its table computed now."""
-        where, printed, corrected, why, shows = (
-            text.replace("*", "\\*")
-            for text in (self.where, self.printed, self.corrected, self.why, self.shows)
-        )
         return "\n\n".join(
             [
-                f"## {self.number}. {where}",
-                f"**Printed.** {printed}",
-                f"**Right.** {corrected}",
-                why,
-                f"{shows}:",
+                self.heading(),
+                f"**Printed.** {escaped(self.printed)}",
+                f"**Right.** {escaped(self.corrected)}",
+                escaped(self.why),
+                f"{escaped(self.shows)}:",
                 self.evidence().markdown(),
             ]
         )
@@ -87,8 +88,8 @@ ERRATA: Final = (
         "x̃ᵉ = p ε x*/(g (z − ε + h) − p ε), condition (g + p) ε − g (z + h) > 0.",
         "z − ε in place of z − 2ε + h, x̃ᵉ = p ε x*/(g z − p ε), condition p ε − g z > 0.",
         "The same mistake: the terms of order ω in (47) and (48).",
-        "x̃ and the largest real part against ω: sources (1, −1) with k = 4, c = 10, α = 0.05, and "
-        "(0.05, 0.05) with k = 1, αcq = 1, α = 0.1",
+        "The mean in x and the largest real part over both axes, ε = 0.5, h = 1: source (1, −1) "
+        "with k = 4, c = 10, α = 0.05; source (0.05, 0.05) with k = 1, αcq = 1, α = 0.1",
         evidence.off_peak,
     ),
     Erratum(
@@ -193,7 +194,7 @@ ERRATA: Final = (
         "They are, but Theorem 1's O(1/ω) for the orbit's centre is for quadratic maps. For others "
         "it is O(α² + 1/ω): in quadrature (f_xxx α_x² + f_xyy α_y²)/(16 q_x), whatever ω is.",
         "The cubic term rectifies the dither.",
-        "J = 1 − x² − y²/2 + x³/2, α = 0.1, c = 10",
+        "J = 1 − x² − y²/2 + x³/2, α = 0.1, c = 10; the formula is the leading term in α",
         claims.cubic,
     ),
     Erratum(
@@ -219,29 +220,45 @@ ERRATA: Final = (
 )
 
 
-def report() -> Group:
-    """Return all errata with their evidence, to be printed with ``rich.console.Console``.
+@dataclass(frozen=True, eq=False)
+class Report:
+    """All errata with their tables, for ``print`` and for ``rich.console.Console.print``."""
 
-    Takes a few seconds: every number is computed from exact orbits.
-    """
-    from rich.console import Group
-    from rich.table import Table as RichTable
-    from rich.text import Text
+    tables: tuple[Table, ...]
 
-    parts: list[Text | RichTable] = []
-    for erratum in ERRATA:
-        parts.append(Text(f"\n{erratum.number}. {erratum.where}", style="bold"))
-        parts.append(Text(f"printed: {erratum.printed}"))
-        parts.append(Text(f"right:   {erratum.corrected}"))
-        parts.append(Text(erratum.why, style="dim"))
-        found = erratum.evidence()
-        shown = RichTable(title=Text(erratum.shows), title_justify="left", title_style="italic")
-        for heading, form in found.columns:
-            shown.add_column(Text(heading), justify="right" if form else "left")
-        for row in found.cells():
-            shown.add_row(*map(Text, row))
-        parts.append(shown)
-    return Group(*parts)
+    def __str__(self) -> str:
+        """Return it as plain text of 100 columns."""
+        from rich.console import Console
+
+        console = Console(file=StringIO(), width=100, color_system=None)
+        with console.capture() as captured:
+            console.print(self)
+        return captured.get().rstrip()
+
+    def __rich__(self) -> Group:
+        """Return it as rich prints it, as wide as the terminal."""
+        from rich.console import Group
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        parts: list[Text | RichTable] = []
+        for erratum, found in zip(ERRATA, self.tables, strict=True):
+            parts.append(Text(f"{erratum.number}. {erratum.where}", style="bold"))
+            parts.append(Text(f"printed: {erratum.printed}"))
+            parts.append(Text(f"right:   {erratum.corrected}"))
+            parts.append(Text(erratum.why))
+            shown = RichTable(title=Text(erratum.shows), title_justify="left")
+            for heading, form in found.columns:
+                shown.add_column(Text(heading), justify="right" if form else "left")
+            for row in found.cells():
+                shown.add_row(*map(Text, row))
+            parts += [shown, Text()]
+        return Group(*parts)
+
+
+def report() -> Report:
+    """Return all errata with their evidence; every number is computed now, from exact orbits."""
+    return Report(tuple(erratum.evidence() for erratum in ERRATA))
 
 
 def markdown() -> str:

@@ -58,13 +58,13 @@ def off_peak() -> Table:
     rows: list[tuple[Cell, ...]] = []
     for w in (400.0, 1600.0, 6400.0, 25600.0):
         loop = unstable_poles(w, 0.05, 10.0, 0.5, first, source=(1.0, -1.0))
-        rows.append(_off_peak_row("z = -3, p = -2.5, g = 2", w, loop))
+        rows.append(_off_peak_row("-3, -2.5, 2", w, loop))
     for w in (400.0, 1600.0, 6400.0):
         loop = unstable_poles(w, 0.1, (10.0, 20.0), 0.5, second, source=(0.05, 0.05))
-        rows.append(_off_peak_row("z = -0.8, p = -1, g = 1", w, loop))
+        rows.append(_off_peak_row("-0.8, -1, 1", w, loop))
     return Table(
         (
-            ("ε = 0.5, h = 1", ""),
+            ("z, p, g", ""),
             ("ω", "g"),
             ("mean of x̃", ".5f"),
             ("corrected (54)", ".5f"),

@@ -8,12 +8,14 @@ square. `Fit.verdict` says so wherever that is measured.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...loop import Loop
+from ...system import System
 from ...theory.orbits import Orbit, periodic_orbit
 from ...theory.printed import PaperLoop, recognise
 from .schemes import CURVATURES, Dithers
@@ -143,9 +145,8 @@ def measured(loop: Loop) -> Measured:
     amplitudes = np.array([channel.dither.amplitude for channel in controller.channels])
     level = -float(q @ (amplitudes**2 / 2 + right**2))
     states = [run[str(x)].values for x in frame.system.states]
-    outputs = [x for x, _ in frame.system.signals if x.name.startswith("w_")]
-    found = frame.system.function(outputs, vector=True)(times, states, frame.values)
-    still = [_still(loop, axis, right[axis]) for axis in range(len(outputs))]
+    found = _outputs(frame.system)(times, states, frame.values)
+    still = [_still(loop, axis, right[axis]) for axis in range(len(found))]
     ripples = [np.abs(w - w0).max() for w, w0 in zip(found, still, strict=True)]
     peak: float = loop.field.peak  # pyright: ignore[reportAttributeAccessIssue]
     return Measured(
@@ -158,6 +159,13 @@ def measured(loop: Loop) -> Measured:
         residual=peak - orbit.J_range[0],
         limit=_limit(waves, right),
     )
+
+
+@lru_cache(maxsize=64)
+def _outputs(system: System) -> Any:
+    """Return the compensators' outputs w as a function of t, state and values."""
+    outputs = [x for x, _ in system.signals if x.name.startswith("w_")]
+    return system.function(outputs, vector=True)
 
 
 def _still(loop: Loop, axis: int, offset: float) -> float:

@@ -35,7 +35,7 @@ class Table:
     def markdown(self) -> str:
         """Return the table for the documentation."""
         headings = [heading for heading, _ in self.columns]
-        lines = [[_escaped(cell) for cell in row] for row in [headings, *self.cells()]]
+        lines = [[escaped(cell) for cell in row] for row in [headings, *self.cells()]]
         lines.insert(1, ["---"] * len(headings))
         return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
@@ -45,5 +45,6 @@ def _number(value: float, form: str) -> str:
     return format(0.0, form) if float(text) == 0 else text  # no -0.0000
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """Return text in which Markdown sees neither emphasis nor the end of a cell."""
     return text.replace("|", "\\|").replace("*", "\\*")

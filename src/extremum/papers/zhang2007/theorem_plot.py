@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -45,8 +44,8 @@ def plot(result: Theorem) -> Figure:
     across = 2 if len(groups) <= 4 else 3
     rows = -(-len(groups) // across)
     figure = Figure(figsize=(_WIDTH * across, _HEIGHT * rows + 0.6), layout="constrained")
-    title = f"Theorem {result.number}: {result.claim}"
-    figure.suptitle("\n".join(textwrap.wrap(title, 36 * across)), fontsize=11)
+    lines = f"Theorem {result.number}: {result.claim}".split("; ")
+    figure.suptitle("\n".join(lines), fontsize=11)
     for index, (title, fits) in enumerate(groups.items()):
         axes = figure.add_subplot(rows, across, index + 1)
         axes.set_title(f"({chr(ord('a') + index)}) {title}", loc="left", fontsize=10)

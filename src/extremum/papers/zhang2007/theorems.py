@@ -171,7 +171,7 @@ _FAMILIES: Final = {
         amplitudes=0.02,
     ),
     2: _Family(
-        "1/s² with lead: the same",
+        "1/s² with lead: a stable orbit within O(1/ω) of 0; lim sup |f − f*| = O(α² + 1/ω²)",
         lambda w, a, _, d: double_integrators(w, a, 10.0, _LEAD, dithers=d),
         frequencies=30.0,
         fast=100.0,
