@@ -177,31 +177,35 @@ def at_rest(loop: Loop, position: Vector) -> Vector:
     return state
 
 
-def demodulation(loop: Loop, washed: bool = False) -> Vector:
-    """M_ij, the mean of reference_i times dither_j; `washed` passes dither_j through s/(s + h)."""
-    dither = loop.dither
-    if washed:
-        dither = dither / (1 + loop.washout / (1j * loop.frequencies))
-    gains = np.array([axis.gain for axis in loop.axes])
-    references = loop.references / gains
+def demodulation(loop: Loop, *, finite: bool = False) -> Vector:
+    """M_ij, the mean of reference_i times what the washout passes of dither_j.
+
+    As w grows that is all of its limit; `finite` takes both at the loop's own frequencies.
+    """
+    passed = loop.leading_dither
+    if finite:
+        passed = loop.dither / (1 + loop.washout / (1j * loop.frequencies))
+    references = loop.references / gains(loop)
     same = np.isclose(loop.frequencies[:, None], loop.frequencies)
-    return np.where(same, 0.5 * (references[:, None] * dither.conj()).real, 0.0)
+    return np.where(same, 0.5 * (references[:, None] * passed.conj()).real, 0.0)
 
 
-def linear_roots(loop: Loop, Q: Vector, M: Vector | None = None) -> Complex:
+def gains(loop: Loop) -> Vector:
+    """Return c per axis."""
+    return np.array([axis.gain for axis in loop.axes])
+
+
+def linear_roots(loop: Loop, Q: Vector) -> Complex:
     """Return the roots of prod(den) det(I + diag(c C G) M 2Q) (s + h), by polynomials.
 
     With one axis, or a diagonal Q, that is 1 + alpha c q C(s) G(s) = 0 per axis.
     """
-    gains = np.array([axis.gain for axis in loop.axes])
-    K = gains[:, None] * (demodulation(loop) if M is None else M) @ (2 * Q)
+    K = gains(loop)[:, None] * demodulation(loop) @ (2 * Q)
     above = [np.polymul(axis.vehicle[0], axis.compensator[0]) for axis in loop.axes]
     below = [np.polymul(axis.vehicle[1], axis.compensator[1]) for axis in loop.axes]
     total = np.zeros(1)
-    axes = range(len(loop.axes))
-    for order in permutations(axes):
-        sign = np.linalg.det(np.eye(len(loop.axes))[list(order)])
-        term = np.array([sign])
+    for order in permutations(range(len(K))):
+        term = np.array([np.linalg.det(np.eye(len(K))[list(order)])])
         for i, j in enumerate(order):
             entry = K[i, j] * above[i]
             term = np.polymul(term, np.polyadd(entry, below[i]) if i == j else entry)
@@ -211,12 +215,11 @@ def linear_roots(loop: Loop, Q: Vector, M: Vector | None = None) -> Complex:
 
 def sensitivity(loop: Loop, Q: Vector, frequency: float) -> Complex:
     """Return S(jw) = (I + diag(c C G) M 2Q)^-1: the mean offset is -S times the source's path."""
-    gains = np.array([axis.gain for axis in loop.axes])
     forward = [
         response(axis.vehicle, frequency) * response(axis.compensator, frequency)
         for axis in loop.axes
     ]
-    L = np.diag(gains * np.array(forward)) @ demodulation(loop) @ (2 * Q)
+    L = np.diag(gains(loop) * np.array(forward)) @ demodulation(loop) @ (2 * Q)
     return np.linalg.inv(np.eye(len(L)) + L).astype(complex)
 
 

@@ -87,7 +87,9 @@ def same(left: Any, right: Any) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("build", "theorem"), [(single, 1), (double, 2), (third, 3), (fourth, 4)], ids=str
+    ("build", "theorem"),
+    [(single, 1), (double, 2), (third, 3), (fourth, 4)],
+    ids=["1/s", "1/s² with lead", "1/(s − ε)", "1/(s − ε) with lead"],
 )
 def test_each_theorem_knows_its_scheme(build: Callable[[], es.Loop], theorem: int) -> None:
     found = known(build())

@@ -11,6 +11,7 @@ import sympy
 from numpy.typing import NDArray
 from sympy import Expr, ImmutableMatrix, Symbol
 
+from ..engines.trajectory import UNDEFINED
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
 from ..symbols import substituted
@@ -84,8 +85,13 @@ class Average:
         """Return Ẋ, ∂Ẋ/∂X and the quadrature's error."""
         numbers = [float(x) for x in state]
         means, slopes, error = _moments(self.averaged, numbers, self.values)
-        rates, jacobian = _compiled(self.averaged)(numbers, self.values, means, slopes)
-        return np.array(rates, dtype=float), np.array(jacobian, dtype=float), error
+        try:
+            found = _compiled(self.averaged)(numbers, self.values, means, slopes)
+        except UNDEFINED:
+            count = len(self.states)
+            found = np.full(count, np.nan), np.full((count, count), np.nan)
+        rates, jacobian = (np.array(part, dtype=float) for part in found)
+        return rates, jacobian, error
 
     @cached_property
     def equilibrium(self) -> Vector | None:
@@ -95,10 +101,7 @@ class Average:
         """
         law = self.equilibrium_law
         if law is not None:
-            try:
-                found = evaluated(tuple(law.values()), self.system)(self.values)
-            except ZeroDivisionError:  # the gain that holds it is zero
-                return None
+            found = evaluated(tuple(law.values()), self.system)(self.values)
             return np.array(found, dtype=float) if np.isfinite(found).all() else None
         return nearest(
             lambda x: self._at(x)[0], lambda x: self._at(x)[1], np.zeros(len(self.states))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -20,6 +20,7 @@ from typing import Any, Final
 import sympy
 from sympy import Expr, Symbol
 
+from ..engines.trajectory import UNDEFINED
 from ..loop import Loop
 from ..parameters import Parameter
 from ..symbols import axis_names, substituted
@@ -115,9 +116,10 @@ class Frame:
         controller: Any = self.loop.twin.controller
         ratios = tuple(sympy.cancel(c / controller.base()) for c in self.system.carriers)
         base = Fraction(repr(float(self.loop.controller.base())))
+        numbers = evaluated(ratios, self.system)(self.values)
         multiples = [
-            Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else _fraction(number)
-            for law, number in zip(ratios, evaluated(ratios, self.system)(self.values), strict=True)
+            Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else _fraction(n)
+            for law, n in zip(ratios, numbers, strict=True)
         ]
         slow = evaluated(_slow_frequencies(self.system) or (), self.system)(self.values)
         return base, [*multiples, *(_fraction(abs(f)) / base for f in slow if f)]
@@ -171,9 +173,19 @@ def _fraction(number: Any) -> Fraction:
 
 
 @lru_cache(maxsize=512)
-def evaluated(expressions: tuple[Expr, ...], system: System) -> Any:
-    """Return a callable: the parameters' values → list of the expressions' values."""
-    return sympy.lambdify([list(system.symbols)], list(expressions), "math", dummify=True, cse=True)
+def evaluated(
+    expressions: tuple[Expr, ...], system: System
+) -> Callable[[Sequence[float]], list[float]]:
+    """Return a callable: the parameters' values → the expressions' values, NaN if one has none."""
+    law = sympy.lambdify([list(system.symbols)], list(expressions), "math", dummify=True, cse=True)
+
+    def asked(values: Sequence[float]) -> list[float]:
+        try:
+            return [float(x) for x in law(values)]
+        except UNDEFINED:
+            return [math.nan] * len(expressions)
+
+    return asked
 
 
 @lru_cache(maxsize=256)

@@ -67,7 +67,7 @@ class LoopGain:
 
     @property
     def axes(self) -> tuple[Expr, ...] | None:
-        """L(s) = α c q C(s) G(s) of each axis; None where the Hessian or a frequency couples them."""
+        """L(s) = α c q C(s) G(s) of each axis; None where axes are coupled."""
         return tuple(self.matrix.diagonal()) if self.matrix.is_diagonal() else None
 
     @property
