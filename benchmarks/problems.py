@@ -96,12 +96,12 @@ class Problem:
         for begin, end in pairwise(times):
             state, step = states[-1], (end - begin) / parts
             for part in range(parts):
-                state = _extrapolated(rates, float(begin + part * step), state, float(step))
+                state = extrapolated(rates, float(begin + part * step), state, float(step))
             states.append(state)
         return self.results(np.stack(states, axis=1))
 
 
-def _extrapolated(
+def extrapolated(
     rates: Any, time: float, state: NDArray[np.float64], step: float
 ) -> NDArray[np.float64]:
     """Return the state a step later: modified midpoint rule, Aitken–Neville in 1/n², order 14."""

@@ -220,6 +220,52 @@ def test_run_that_left_the_data_is_drawn() -> None:
     assert contours(figure)
 
 
+# --- the averaged path --------------------------------------------------------------------------
+
+
+def test_averaged_path_lies_over_the_true_one_and_is_named() -> None:
+    loop = zhang2007.scenario("fig5").loop
+    run, averaged = es.simulate(loop, 2.0, samples=200), es.average(loop).simulate(2.0, samples=50)
+    figure = plots.overview(run, averaged=averaged)
+    path = line(figure.axes[1], "averaged")
+    assert np.array_equal(path.get_xydata(), averaged.position)
+    assert path.get_zorder() > line(figure.axes[1], "vehicle").get_zorder()
+    styles = [line(figure.axes[1], name).get_linestyle() for name in ("source", "averaged")]
+    assert styles == ["--", "-."]
+    assert "averaged" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert figure.axes[1].get_xlim() == plots.overview(run).axes[1].get_xlim()
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_averaged_positions_over_time_have_their_axis_colour(count: int) -> None:
+    run = of_dimension(count)
+    averaged = run.isel(time=slice(0, 200, 10))
+    axes = plots.overview(run, averaged=averaged).axes[1]
+    means = [curve for curve in axes.lines if curve.get_linestyle() == "-."]
+    assert len(means) == count
+    assert means[0].get_label() == "averaged"
+    for index, mean in enumerate(means):
+        assert np.array_equal(mean.get_xdata(), averaged.time)
+        assert np.array_equal(mean.get_ydata(), averaged.position[:, index])
+        if count > 1:
+            assert mean.get_color() == line(axes, f"$x_{{{index + 1}}}$").get_color()
+
+
+def test_averaged_path_in_space() -> None:
+    run = of_dimension(3)
+    axes: Any = plots.overview(run, averaged=run.isel(time=slice(0, 100))).axes[1]
+    assert np.array_equal(np.transpose(line(axes, "averaged").get_data_3d()), run.position[:100])
+
+
+def test_averaged_path_of_other_axes_is_refused(still: Any) -> None:
+    unfinished: Any = es.average(zhang2007.scenario("fig4").loop)
+    for wrong in (of_dimension(3), unfinished):
+        with pytest.raises(
+            es.InvalidDescription, match=r"averaged = \w+: must .* the run's 2 axes"
+        ):
+            plots.overview(still, averaged=wrong)
+
+
 # --- runs that ended early ----------------------------------------------------------------------
 
 

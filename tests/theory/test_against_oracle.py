@@ -131,7 +131,7 @@ def test_random_loops_are_of_all_kinds_stable_and_unstable() -> None:
     assert len(seen) == 3 * 3 * 2
 
 
-@pytest.mark.parametrize("seed", [0, 2, 5])
+@pytest.mark.parametrize("seed", [0, 2])
 def test_second_order_leaves_an_error_of_second_order(seed: int) -> None:
     """The orbit's mean offset and exponents, at ω and 2ω."""
     errors = []
@@ -173,7 +173,7 @@ def circling(frequency: float, periods: int) -> tuple[es.Loop, Loop]:
 
 
 def test_floquet_exponents_about_a_moving_source() -> None:
-    found, expected = circling(60.0, 15)
+    found, expected = circling(60.0, 6)
     orbit, exact = periodic_orbit(found), oracle.orbit(expected)
     assert orbit.period == pytest.approx(exact.period, rel=1e-12)
     frequency = 2 * np.pi / exact.period

@@ -37,7 +37,7 @@ def pair(
     return Loop(axes, frequency, 1.0, Quadratic(np.diag([1.0, 0.5]), 1.0), source)
 
 
-@pytest.mark.parametrize("seed", range(0, 45, 4))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 7, 9, 13, 19])
 def test_variational_equations_are_the_flow_differentiated(seed: int) -> None:
     loop = plain_loop(random_loop(seed))
     start = oracle.average(loop).state + loop.steady(0.0)

@@ -1,7 +1,7 @@
 """Figures of a run: an overview, the trajectory over the field, and an animation.
 
-Every figure reads without colour too: the source is dashed and marked by stars, the start by a
-circle, the end by a square, or by a cross if the run ended early.
+Every figure reads without colour too: the source is dashed and marked by stars, the averaged path
+dash-dotted, the start a circle, the end a square, or a cross if the run ended early.
 """
 
 from .figures import overview, trajectory

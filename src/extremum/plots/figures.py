@@ -8,14 +8,16 @@ import numpy as np
 
 from ..scenario import View
 from . import panels
-from .scenes import checked, field_of, label, motion, over_field, unit_of
+from .scenes import checked, checked_path, field_of, label, motion, over_field, unit_of
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
 
-def overview(run: xarray.Dataset, view: View | None = None) -> Figure:
+def overview(
+    run: xarray.Dataset, view: View | None = None, *, averaged: xarray.Dataset | None = None
+) -> Figure:
     """Show a run as the paper does: J, the trajectory and every input.
 
     Panel (a) is J over time (s); (b) the vehicle's path in the plane or in space (m) with the
@@ -28,6 +30,8 @@ def overview(run: xarray.Dataset, view: View | None = None) -> Figure:
         What `simulate` returned.
     view
         Ranges of the axes; what it leaves out is chosen from the data.
+    averaged
+        What ``average(loop).simulate(t_end)`` returned: drawn over the path in (b), dash-dotted.
 
     Returns
     -------
@@ -37,9 +41,10 @@ def overview(run: xarray.Dataset, view: View | None = None) -> Figure:
     Raises
     ------
     InvalidDescription
-        If `view` has not one range per axis and per input.
+        If `view` has not one range per axis and per input, or `averaged` is no path of as many
+        axes.
     """
-    view = checked(view, run)
+    view, averaged = checked(view, run), checked_path(averaged, run)
     names = [str(name) for name in np.atleast_1d(run.input.attrs["names"])]
     units = unit_of(run.input).split(", ")
     ranges = view.inputs or [None] * len(names)
@@ -52,10 +57,11 @@ def overview(run: xarray.Dataset, view: View | None = None) -> Figure:
     panels.over_time(output, run, run.J.values, label("J", unit_of(run.J)), view.signal)
     output.set_title("(a) output", loc="left", fontsize=10)
 
-    scene = motion(run, view)
+    scene = motion(run, view, averaged)
     path = panels.stage(figure, grid[0, 3:], scene)
     panels.tracks(path, scene)
     panels.source_paths(path, scene)
+    panels.averaged_paths(path, scene)
     panels.marks(path, scene, run)
     path.set_title("(b) trajectory", loc="left", fontsize=10)
 

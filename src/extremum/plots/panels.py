@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 # Okabe and Ito's colours, which the colour-blind tell apart; in print the markers do.
 COLOURS: Final = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")
 MARKERS: Final = "osD^vPX"
-SOURCE: Final = "#D55E00"
-STAR: Final = {"marker": "*", "markersize": 14, "color": SOURCE, "markeredgecolor": "black"}
+VERMILION: Final = "#D55E00"
+STAR: Final = {"marker": "*", "markersize": 14, "color": VERMILION, "markeredgecolor": "black"}
 CIRCLE: Final = {"marker": "o", "markersize": 6.5, "color": "white", "markeredgecolor": "black"}
 SQUARE: Final = {"marker": "s", "markersize": 5, "color": "black", "markeredgecolor": "white"}
 VEHICLE: Final = SQUARE | {"markersize": 8}
@@ -117,6 +117,15 @@ def source_paths(axes: Axes, scene: Scene) -> None:
         if is_moving(points):
             text = "source" if index == 0 else None
             curve(axes, points, color=colours[index % len(colours)], label=text, **dashed)
+
+
+def averaged_paths(axes: Axes, scene: Scene) -> None:
+    """Draw the averaged loop's path, dash-dotted, in its axis' colour where there are several."""
+    style = {"linestyle": "-.", "linewidth": 1.6, "zorder": 3.5}
+    colours = (VERMILION,) if len(scene.tracks) == 1 else COLOURS
+    for index, points in enumerate(scene.averaged):
+        text = "averaged" if index == 0 else None
+        curve(axes, points, color=colours[index % len(colours)], label=text, **style)
 
 
 def marks(axes: Axes, scene: Scene, run: xarray.Dataset) -> None:

@@ -42,6 +42,8 @@ class Scene:
     kind
         ``"space"`` (every coordinate a position, to one scale), ``"profile"`` (J along x) or
         ``"time"`` (positions over time).
+    averaged
+        The averaged loop's curves, where they are to be drawn.
     """
 
     tracks: dict[str, Array]
@@ -49,29 +51,33 @@ class Scene:
     labels: list[str]
     limits: list[Interval]
     kind: Literal["space", "profile", "time"]
+    averaged: Sequence[Array] = ()
 
 
-def motion(run: xarray.Dataset, view: View) -> Scene:
+def motion(run: xarray.Dataset, view: View, averaged: xarray.Dataset | None = None) -> Scene:
     """Return the path in the plane or in space; position over time for other dimensions."""
     count = run.sizes["axis"]
     source = _source(run)
+    means = [] if averaged is None else [averaged.position.values]
     names, unit = [str(name) for name in run.axis.values], unit_of(run.position)
     labels, limits = [label(name, unit) for name in names], _limits(run, view)
     if count in (2, 3):
         if view.position is None:
             limits = _widened(limits)
         sources = [source] if source.size else []
-        return Scene({"vehicle": run.position.values}, sources, labels, limits, "space")
+        return Scene({"vehicle": run.position.values}, sources, labels, limits, "space", means)
     times = run.time.values
     tracks = {
         f"${sympy.latex(sympy.Symbol(name))}$": np.column_stack([times, x])
         for name, x in zip(names, run.position.values.T, strict=True)
     }
     sources = [np.column_stack([times, x]) for x in source.T]
+    if averaged is not None:
+        means = [np.column_stack([averaged.time.values, x]) for x in averaged.position.values.T]
     over = min(low for low, _ in limits), max(high for _, high in limits)
     quantity = labels[0] if count == 1 else f"position ({unit})"
     labels, limits = [label("t", unit_of(run.time)), quantity], [span(run), over]
-    return Scene(tracks, sources, labels, limits, "time")
+    return Scene(tracks, sources, labels, limits, "time", means)
 
 
 def over_field(run: xarray.Dataset, view: View, field: Field | None) -> Scene:
@@ -142,6 +148,25 @@ def checked(view: View | None, run: xarray.Dataset) -> View:
                 f"view.{name}", f"has {len(ranges)} ranges for {count}; give one for each"
             )
     return view
+
+
+def checked_path(averaged: xarray.Dataset | None, run: xarray.Dataset) -> xarray.Dataset | None:
+    """Return the averaged loop's path as it is.
+
+    Raises
+    ------
+    InvalidDescription
+        If it is no path of as many axes as the run.
+    """
+    count = run.sizes["axis"]
+    if averaged is not None and getattr(averaged, "sizes", {}).get("axis") != count:
+        raise InvalidDescription(
+            "averaged",
+            f"must be a path with the run's {count} axes, as average(loop).simulate(t_end) "
+            "returns it",
+            type(averaged).__name__,
+        )
+    return averaged
 
 
 def unit_of(array: xarray.DataArray) -> str:

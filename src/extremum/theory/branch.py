@@ -222,11 +222,9 @@ def near(neighbours: Sequence[Point], wanted: float) -> Point | None:
 
 
 def _at(frame: Frame, wanted: float) -> Frame:
-    values = list(frame.values)
-    places = {parameter.path: i for i, parameter in enumerate(frame.system.parameters)}
-    for path, value in changes(frame.loop, wanted).items():
-        values[places[path]] = value
-    return replace(frame, values=values)
+    loop = frame.loop.replace(changes(frame.loop, wanted))
+    numbers = loop.values.tolist()
+    return replace(frame, loop=loop, values=[*numbers, *frame.values[len(numbers) :]])
 
 
 def _point(wanted: float, frame: Frame, length: float, nodes: Vector) -> Point | None:

@@ -326,15 +326,12 @@ def _joint_eigenvalues_precisely(matrices: Sequence[Any]) -> NDArray[np.complex1
             mpmath.matrix([[mpmath.mpf(c.numerator) / c.denominator for c in row] for row in rows])
             for rows in matrices
         ]
-        weights = _weights(len(tables))
-        mixed = sum(
-            (t * w for t, w in zip(tables[1:], weights[1:], strict=True)), tables[0] * weights[0]
-        )
-        _, vectors = mpmath.eig(mixed)
-        found = []
-        for k in range(mixed.rows):
-            v = vectors[:, k]
-            found.append([complex((v.H * t * v)[0] / (v.H * v)[0]) for t in tables])
+        mixed: Any = mpmath.zeros(tables[0].rows)
+        for table, weight in zip(tables, _weights(len(tables)), strict=True):
+            mixed += table * weight
+        _, columns = mpmath.eig(mixed)
+        vectors = [columns[:, k] for k in range(columns.cols)]
+        found = [[complex((v.H * t * v)[0] / (v.H * v)[0]) for t in tables] for v in vectors]
     return np.array(found)
 
 

@@ -19,6 +19,8 @@ ZERO: Final = 1e-16
 """Smaller steps and unknowns, in units in which the coefficients are close to 1, are zero."""
 SINGULAR: Final = 1e-6
 """A solution whose Jacobian's singular values have a smaller ratio counts as a multiple one."""
+BETWEEN: Final = (5**0.5 - 2, 2**0.5 - 1, 3**0.5 - 1)
+"""Where between two points to look; solutions in rational positions do not lie there."""
 NEWTON_STEPS: Final = 60
 
 
@@ -104,7 +106,7 @@ class Numeric:
         return kept
 
     def _linked(self, one: Any, other: Any) -> bool:
-        between = (one + part * (other - one) for part in (0.25, 0.5, 0.75))
+        between = (one + part * (other - one) for part in BETWEEN)
         return all(self.residual(point) <= RESIDUAL for point in between)
 
     def leads_everywhere(self, candidates: NDArray[np.complex128]) -> bool:

@@ -1,0 +1,274 @@
+"""The verdict, the orbit and the average: how long they take, and how long it takes by hand."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import control
+import numpy as np
+import variational as hand
+from numpy.typing import NDArray
+from report import Table, Target, Times, figure, interleaved
+from scipy.integrate import odeint, solve_ivp
+
+import extremum as es
+from extremum import pi, s
+from extremum.papers import zhang2007
+
+GAIN = "controller.channels.0.gain"
+ERROR = 1e-8
+"""Of the exponents, relative to the largest |λ|."""
+
+TOLERANCES = tuple(m * 10.0**-k for k in range(5, 14) for m in (1.0, 0.5, 0.2))
+CAPS = (np.inf, hand.PERIOD / 10, hand.PERIOD / 20)
+LEAST = 20.0
+"""Times our periodic orbit: DOP853 on the variational equations."""
+
+
+def tables(quick: bool) -> Iterator[Table]:
+    """Yield the tables of this file."""
+    yield warm(20 if quick else 200)
+    yield cold(2 if quick else 7)
+    yield exponents(3 if quick else 15)
+    yield averages(2 if quick else 5)
+
+
+def double_integrator() -> es.Loop:
+    """Return the paper's Fig. 2 with the second design of erratum 1: seven states, two axes."""
+    return es.Loop(
+        field=es.Quadratic(source=(0, 0), q=(hand.Q_X, hand.Q_Y)),
+        vehicle=es.PointMass(axes=(1 / s**2, 1 / s**2)),
+        controller=es.GradientES(
+            frequency=hand.OMEGA,
+            washout=hand.WASHOUT,
+            channels=tuple(
+                es.Channel(
+                    dither=es.Dither(hand.AMPLITUDE, phase=phase),
+                    gain=hand.GAIN,
+                    compensator=es.Lead(gain=hand.LEAD_GAIN, zero=hand.ZERO, pole=hand.POLE),
+                )
+                for phase in (0, -pi / 2)
+            ),
+        ),
+        start=(1, 1),
+    )
+
+
+# --- in a running process ---------------------------------------------------------------------
+
+
+def warm(rounds: int) -> Table:
+    """Change one number of a two-axis loop, and ask again."""
+    loops = {"Fig. 1": zhang2007.scenario("fig4").loop, "Fig. 2": double_integrator()}
+    gains = count(1)
+
+    def changed(loop: es.Loop) -> es.Loop:
+        return loop.replace({GAIN: hand.GAIN + 1e-7 * next(gains)})
+
+    def verdict(loop: es.Loop) -> str:
+        return es.stability(changed(loop)).text()
+
+    def orbit(loop: es.Loop) -> object:
+        found = es.periodic_orbit(changed(loop))
+        return found.exponents, found.mean, found.amplitude, found.J_range
+
+    def average(loop: es.Loop) -> object:
+        found = es.average(changed(loop))
+        return found.eigenvalues, found.conditions
+
+    def lines(loop: es.Loop) -> object:
+        return control.poles(control.feedback(es.loop_gain(changed(loop)).control(0)))
+
+    verbs: dict[str, Callable[[es.Loop], object]] = {
+        "stability, with its table as text": verdict,
+        "stability, without": lambda loop: es.stability(changed(loop)).stable,
+        "periodic_orbit: exponents, mean, amplitude, range of J": orbit,
+        "average: eigenvalues, conditions": average,
+        "bias": lambda loop: es.bias(changed(loop)).total,
+        "loop_gain as a python-control object, its closed poles": lines,
+    }
+    runs = {
+        f"{scheme}: {name}": (lambda verb=verb, loop=loop: verb(loop))
+        for scheme, loop in loops.items()
+        for name, verb in verbs.items()
+    }
+    for run in runs.values():
+        run()
+    times = interleaved(runs, rounds)
+    worst = {
+        name: max(times[f"{scheme}: {name}"].median for scheme in loops) * 1e3 for name in verbs
+    }
+    text, _, orbits, *_ = verbs
+    return Table(
+        "Warm: one gain changed, then asked again; two axes, three (Fig. 1) and seven (Fig. 2) states",
+        ("", "median (ms)", "range (ms)"),
+        [(name, *t.text()) for name, t in times.items()],
+        [f"{rounds} runs, each with a gain that was never used before."],
+        [
+            Target("warm stability with its table, two axes", worst[text], 30.0, "ms"),
+            Target("warm periodic orbit, two axes", worst[orbits], 5.0, "ms"),
+        ],
+        {"times": {name: t.data() for name, t in times.items()}},
+    )
+
+
+# --- as a command -----------------------------------------------------------------------------
+
+
+def cold(rounds: int) -> Table:
+    """Time ``extremum stability`` in a fresh process with no compiled code kept."""
+    program = shutil.which("extremum", path=str(Path(sys.executable).parent))
+    command = [program] if program else [sys.executable, "-m", "extremum"]
+    taken: dict[str, list[float]] = {"fig4": [], "fig6": []}
+    for round_ in range(rounds + 1):
+        for name, seconds in taken.items():
+            with tempfile.TemporaryDirectory() as cache:
+                spent = _judged(command, zhang2007.path(name), cache)
+            if round_:  # the first fills the file cache and writes bytecode
+                seconds.append(spent)
+    times = {name: Times(tuple(seconds)) for name, seconds in taken.items()}
+    words = {"fig4": "source at rest", "fig6": "1/s², source on a figure eight, over 62.8 s"}
+    return Table(
+        "Cold: extremum stability SCENARIO.toml, XDG_CACHE_HOME empty",
+        ("", "median (s)", "range (s)"),
+        [(f"{name}: {words[name]}", *t.text("s")) for name, t in times.items()],
+        [f"{rounds} fresh processes each, alternating; heyoka compiles anew."],
+        [Target(f"cold stability of {name}", t.median, 4.0, "s") for name, t in times.items()],
+        {"times": {name: t.data() for name, t in times.items()}},
+    )
+
+
+def _judged(command: list[str], scenario: Any, cache: str) -> float:
+    begin = time.perf_counter()
+    done = subprocess.run(
+        [*command, "stability", str(scenario)],
+        env={**os.environ, "XDG_CACHE_HOME": cache},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    spent = time.perf_counter() - begin
+    if done.returncode or "Floquet exponents" not in done.stdout:
+        raise SystemExit(f"extremum stability {scenario} failed:\n{done.stdout}{done.stderr}")
+    return spent
+
+
+# --- by hand: the exponents ---------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One way to the exponents: a gain → exponents, sorted as the reference's are."""
+
+    tool: str
+    settings: str
+    run: Callable[[float], NDArray[np.complex128]]
+
+    def error(self, reference: NDArray[np.complex128]) -> float:
+        """Return the largest error of an exponent, relative to the largest |λ|."""
+        wrong = np.abs(self.run(hand.GAIN) - reference).max()
+        return float(wrong / np.abs(reference).max())
+
+
+def exponents(rounds: int) -> Table:
+    """Compare Floquet exponents at the same achieved error, interleaved."""
+    reference = hand.orbit(hand.GAIN, hand.by_extrapolation, 1e-12).exponents
+    entries = {"ours": _ours(), "DOP853": _loosest(_dop853, reference)}
+    entries["odeint"] = _loosest(_odeint, reference)
+    errors = {name: entry.error(reference) for name, entry in entries.items()}
+    gains = count(1)
+    runs = {
+        name: (lambda entry=entry: entry.run(hand.GAIN + 1e-7 * next(gains)))
+        for name, entry in entries.items()
+    }
+    times = interleaved(runs, rounds, {"ours": 20}, process_time)
+    base = times["ours"].median
+    ratios = {name: t.median / base for name, t in times.items()}
+    rows = [
+        (e.tool, e.settings, f"{errors[name]:.1e}", *times[name].text(), figure(ratios[name]))
+        for name, e in entries.items()
+    ]
+    return Table(
+        f"Floquet exponents of Fig. 2, seven states, error ≤ {ERROR:g} of the largest |λ|",
+        ("tool", "settings", "error", "CPU ms", "range", "× ours"),
+        rows,
+        [
+            "By hand: Newton's method from the averaged equilibrium on equations and variational",
+            "equations written out in NumPy; ours includes Loop.replace and the averaging.",
+        ],
+        [Target("Floquet exponents: DOP853 / ours", ratios["DOP853"], LEAST, "×", at_least=True)],
+        {"errors": errors, "ratios": ratios, "times": {n: t.data() for n, t in times.items()}},
+    )
+
+
+def _ours() -> Entry:
+    loop = double_integrator()
+
+    def run(gain: float) -> NDArray[np.complex128]:
+        found = es.periodic_orbit(loop.replace({GAIN: gain})).exponents
+        return found[np.lexsort((found.imag, np.round(found.real, 6)))]
+
+    return Entry("extremum periodic_orbit", "default", run)
+
+
+def _dop853(tolerance: float, cap: float) -> Entry:
+    def flow(right: Any, state: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance, "max_step": cap}
+        return solve_ivp(right, (0.0, period), state, "DOP853", [period], **options).y[:, -1]
+
+    def run(gain: float) -> NDArray[np.complex128]:
+        return hand.orbit(gain, flow, 1e-8).exponents
+
+    capped = "" if np.isinf(cap) else f", max_step period/{hand.PERIOD / cap:.0f}"
+    return Entry("scipy solve_ivp", f"DOP853, tol {tolerance:.0e}{capped}", run)
+
+
+def _odeint(tolerance: float, cap: float) -> Entry:
+    limit = 0.0 if np.isinf(cap) else cap
+
+    def flow(right: Any, state: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+        options = {"rtol": tolerance, "atol": tolerance, "hmax": limit, "mxstep": 10_000}
+        return odeint(right, state, [0.0, period], tfirst=True, **options)[-1]
+
+    def run(gain: float) -> NDArray[np.complex128]:
+        return hand.orbit(gain, flow, 1e-8).exponents
+
+    return Entry("scipy odeint", f"LSODA, tol {tolerance:.0e}", run)
+
+
+def _loosest(make: Callable[[float, float], Entry], reference: NDArray[np.complex128]) -> Entry:
+    """Return the fastest entry among the loosest tolerances that reach `ERROR`, one per cap."""
+    entries = []
+    for cap in CAPS:
+        good = (make(tolerance, cap) for tolerance in TOLERANCES)
+        entries += [next(entry for entry in good if entry.error(reference) <= ERROR)]
+    times = interleaved({e.settings: (lambda e=e: e.run(hand.GAIN)) for e in entries}, 3)
+    return min(entries, key=lambda entry: min(times[entry.settings].seconds))
+
+
+# --- by hand: the average -----------------------------------------------------------------------
+
+OURS = """
+import time
+from extremum.papers import zhang2007
+import extremum as es
+loop = zhang2007.scenario({name!r}).loop.replace({{"field.source": (0.0, 0.0)}})
+"""
+
+SYMPY = """
+import time
+from sympy import cos, expand, integrate, pi, sin, symbols
+x, y, e, v_x, v_y, w_x, w_y, t = symbols("x y e v_x v_y w_x w_y t", real=True)
+a, c_x, c_y, k, z, p, q_x, q_y, h, w = symbols("a c_x c_y k z p q_x q_y h w", real=True)
+"""
