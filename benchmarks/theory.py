@@ -41,6 +41,7 @@ def tables(quick: bool) -> Iterator[Table]:
     yield warm(20 if quick else 200)
     yield cold(2 if quick else 7)
     yield exponents(3 if quick else 15)
+    yield poles(20 if quick else 200)
     yield averages(2 if quick else 5)
 
 
@@ -257,18 +258,119 @@ def _loosest(make: Callable[[float, float], Entry], reference: NDArray[np.comple
     return min(entries, key=lambda entry: min(times[entry.settings].seconds))
 
 
-# --- by hand: the average -----------------------------------------------------------------------
+# --- by hand: the averaged loop -----------------------------------------------------------------
 
-OURS = """
-import time
-from extremum.papers import zhang2007
-import extremum as es
-loop = zhang2007.scenario({name!r}).loop.replace({{"field.source": (0.0, 0.0)}})
-"""
+
+def poles(rounds: int) -> Table:
+    """Compare the averaged eigenvalues of Fig. 2 with python-control's poles of 1 + L."""
+    loop, gains = double_integrator(), count(1)
+    lead = hand.LEAD_GAIN * hand.AMPLITUDE
+
+    def ours(gain: float) -> NDArray[np.complex128]:
+        return es.average(loop.replace({GAIN: gain})).eigenvalues
+
+    def theirs(gain: float) -> NDArray[np.complex128]:
+        curved = ((gain, hand.Q_X), (hand.GAIN, hand.Q_Y))
+        axes = [
+            control.tf([lead * c * q, -lead * c * q * hand.ZERO], [1, -hand.POLE, 0, 0])
+            for c, q in curved
+        ]
+        found = [control.poles(control.feedback(gain, 1)) for gain in axes]
+        return np.concatenate([*found, [-hand.WASHOUT]])
+
+    ways = {"extremum average": ours, "python-control tf, feedback, poles": theirs}
+    both = [np.sort_complex(way(hand.GAIN)) for way in ways.values()]
+    apart = float(np.abs(both[0] - both[1]).max())
+    runs = {
+        name: (lambda way=way: way(hand.GAIN + 1e-7 * next(gains))) for name, way in ways.items()
+    }
+    times = interleaved(runs, rounds, clock=process_time)
+    base = times["extremum average"].median
+    return Table(
+        "Averaged eigenvalues of Fig. 2, a number changed each time",
+        ("tool", "CPU ms", "range", "× ours"),
+        [(name, *t.text(), figure(t.median / base)) for name, t in times.items()],
+        [f"They agree to {apart:.1e}; python-control is given L(s), which average derives."],
+        (),
+        {"apart": apart, "times": {name: t.data() for name, t in times.items()}},
+    )
+
 
 SYMPY = """
 import time
-from sympy import cos, expand, integrate, pi, sin, symbols
-x, y, e, v_x, v_y, w_x, w_y, t = symbols("x y e v_x v_y w_x w_y t", real=True)
-a, c_x, c_y, k, z, p, q_x, q_y, h, w = symbols("a c_x c_y k z p q_x q_y h w", real=True)
+from sympy import cos, expand, factor_terms, integrate, pi, sin, symbols
+places, n = {places}, {count}
+x, a, c, q = (symbols(f"{{name}}1:{{n + 1}}", real=True) for name in "xacq")
+e, h, w, t = symbols("e h w t", real=True)
+begin = time.perf_counter()
+d = [sin(m * t) if sine else -cos(m * t) for m, sine in places]
+xi = -sum(q[i] * (x[i] + a[i] * d[i]) ** 2 for i in range(n)) - e
+rates = [c[i] * xi * d[i] / w for i in range(n)] + [h * xi / w]
+means = [factor_terms(integrate(expand(r), (t, 0, 2 * pi)) / (2 * pi)) for r in rates]
+print(time.perf_counter() - begin)
+assert expand(means[0] + a[0] * c[0] * q[0] * x[0] / w) == 0
 """
+
+OURS = """
+import time
+import extremum as es
+from extremum import pi, s
+places, n = {places}, {count}
+begin = time.perf_counter()
+loop = es.Loop(
+    field=es.Quadratic(source=(0,) * n, q=(1.0,) * n),
+    vehicle=es.PointMass(axes=(1 / s,) * n),
+    controller=es.GradientES(frequency=10, washout=1.0, channels=tuple(
+        es.Channel(dither=es.Dither(0.1, phase=0 if sine else -pi / 2), gain=5, ratio=m)
+        for m, sine in places
+    )),
+    start=(0,) * n,
+)
+means = es.average(loop).rates
+print(time.perf_counter() - begin)
+x, a, c, q = ({{y.name: y for y in means[0].free_symbols}}[name.format("x" if n < 4 else "x1")]
+              for name in ("{{}}tilde", "alpha_{{}}", "c_{{}}", "q_{{}}"))
+assert (means[0] + a * c * q * x).expand() == 0
+"""
+
+PLACES = {
+    "one frequency, quadrature (Fig. 1)": ((1, True), (1, False)),
+    "2 : 3": ((2, True), (3, True)),
+    "4 : 5 : 7": ((4, True), (5, True), (7, True)),
+}
+
+
+def averages(rounds: int) -> Table:
+    """Compare averaging 1/s axes, fresh process, with SymPy's integral over τ."""
+    taken: dict[str, dict[str, list[float]]] = {name: {"ours": [], "SymPy": []} for name in PLACES}
+    for _ in range(rounds):
+        for name, places in PLACES.items():
+            for tool, program in (("ours", OURS), ("SymPy", SYMPY)):
+                text = program.format(places=places, count=len(places))
+                command = [sys.executable, "-c", text]
+                done = subprocess.run(command, capture_output=True, text=True, check=True)
+                taken[name][tool].append(float(done.stdout))
+    times = {
+        name: {tool: Times(tuple(seconds)) for tool, seconds in tools.items()}
+        for name, tools in taken.items()
+    }
+    rows = [
+        (
+            name,
+            *tools["ours"].text(),
+            *tools["SymPy"].text(),
+            figure(tools["SymPy"].median / tools["ours"].median),
+        )
+        for name, tools in times.items()
+    ]
+    return Table(
+        "The averaged equations, derived for the first time in a process; after the imports",
+        ("axes 1/s", "ours (ms)", "range", "SymPy integrate (ms)", "range", "× ours"),
+        rows,
+        [
+            f"{rounds} fresh processes each. Ours begins with the description and derives the",
+            "relative coordinates; SymPy is given (7) to (9) in them, expanded, which helps it.",
+        ],
+        (),
+        {n: {tool: t.data() for tool, t in tools.items()} for n, tools in times.items()},
+    )

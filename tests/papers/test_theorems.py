@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from extremum import InvalidDescription
-from extremum.papers.zhang2007.orders import Fit
+from extremum.papers.zhang2007.orders import Fit, measured
+from extremum.papers.zhang2007.schemes import unstable_poles
 from extremum.papers.zhang2007.theorem_plot import plot
 from extremum.papers.zhang2007.theorems import Theorem, theorem
 
@@ -91,6 +92,12 @@ def test_all_small_numbers_together_have_the_printed_order(number: int) -> None:
     assert together.slope == pytest.approx(2, abs=0.1)
     assert together.as_printed
     assert "as printed" in together.verdict
+
+
+def test_together_means_that_frequency_amplitude_and_pole_all_shrink() -> None:
+    """A tenth of α = 0.05 and ε = 0.005, ten times ω = 400, αc held."""
+    loop = unstable_poles(4000.0, 0.005, 100.0, 0.0005, source=(1.0, -1.0))
+    assert fit(3, RESIDUAL, "all").y[0] == pytest.approx(measured(loop).residual, rel=1e-9)
 
 
 @pytest.mark.parametrize("dithers", ["quadrature", "separate"])
