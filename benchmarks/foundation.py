@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -11,7 +10,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from report import Table, Target, Times, figure, interleaved
+from report import Table, Target, Times, environment, figure, interleaved
 
 import extremum as es
 from extremum.papers import zhang2007
@@ -33,7 +32,9 @@ def imports(rounds: int) -> Table:
     for round_ in range(rounds + 1):
         for name, seconds in taken.items():
             command = [sys.executable, "-c", IMPORT.format(name)]
-            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            done = subprocess.run(
+                command, env=environment(), capture_output=True, text=True, check=True
+            )
             if round_:  # the first fills the file cache and writes bytecode
                 seconds.append(float(done.stdout))
     times = {name: Times(tuple(seconds)) for name, seconds in taken.items()}
@@ -80,16 +81,16 @@ def cold_start(rounds: int) -> Table:
 def _figure(command: list[str], place: Path, fonts: Path | None) -> float:
     cache = place / "cache"
     cache.mkdir(parents=True)
-    environment = {k: v for k, v in os.environ.items() if k != "MPLCONFIGDIR"}
-    environment["XDG_CACHE_HOME"] = str(cache)
+    around = environment(XDG_CACHE_HOME=str(cache))
+    around.pop("MPLCONFIGDIR", None)
     if fonts is not None:
-        environment["MPLCONFIGDIR"] = str(fonts)
+        around["MPLCONFIGDIR"] = str(fonts)
     else:
-        environment["XDG_CONFIG_HOME"] = str(place / "configuration")
+        around["XDG_CONFIG_HOME"] = str(place / "configuration")
     begin = time.perf_counter()
     done = subprocess.run(
         [*command, "paper", "fig4", "-o", str(place / "out")],
-        env=environment,
+        env=around,
         capture_output=True,
         text=True,
         check=False,

@@ -122,6 +122,15 @@ def interleaved(
     return {name: Times(tuple(seconds)) for name, seconds in taken.items()}
 
 
+def environment(**changes: str) -> dict[str, str]:
+    """Return the environment of a fresh process whose bytecode is kept, as after an installation.
+
+    The first run of several writes it, also where ``PYTHONDONTWRITEBYTECODE`` is set.
+    """
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    return {**kept, **changes}
+
+
 def machine() -> dict[str, str]:
     """Return the machine and the versions, in general terms."""
     facts = {

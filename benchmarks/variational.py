@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from problems import extrapolated
 
 Vector = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Flow = Callable[[Any, Vector, float], Vector]
 """(t, y) → dy/dt, y at 0 and the period → y there."""
 
@@ -24,7 +25,7 @@ LEAD_GAIN, ZERO, POLE = 5.0, -0.5, -3.0
 Q_X, Q_Y = 1.0, 0.5
 PERIOD = 2 * pi / OMEGA
 STATES = 7
-STEPS = 256
+STEPS = 64
 
 
 @dataclass(frozen=True)
@@ -43,17 +44,22 @@ class Orbit:
     monodromy: Vector
 
     @property
-    def exponents(self) -> NDArray[np.complex128]:
-        """The Floquet exponents (1/s), sorted by real and imaginary part."""
-        found = np.log(np.linalg.eigvals(self.monodromy).astype(complex)) / PERIOD
-        return found[np.lexsort((found.imag, np.round(found.real, 6)))]
+    def exponents(self) -> Complex:
+        """The Floquet exponents (1/s), `in_order`."""
+        multipliers: Complex = np.linalg.eigvals(self.monodromy).astype(np.complex128)
+        return in_order((np.log(multipliers) / PERIOD).astype(np.complex128))
+
+
+def in_order(exponents: Complex) -> Complex:
+    """Return them by real part, conjugates by imaginary part."""
+    return exponents[np.lexsort((exponents.imag, np.round(exponents.real, 6)))]
 
 
 def rates(gain: float) -> Callable[[float, Vector], Vector]:
     """Return (t, state and Φ in one row) → their rates; `gain` is c in x.
 
-    ẍ = −αω² sin ωt + w_x, w_x = ζ_x + k m_x, ζ̇_x = p ζ_x + k (p − z) m_x, m_x = c ξ sin ωt; in y with
-    −cos for sin; ξ = −q_x x² − q_y y² − η, η̇ = h ξ. Φ̇ = A Φ + b(t) (∇ξ Φ).
+    ẍ = −αω² sin ωt + w_x, w_x = ζ_x + k m_x, ζ̇_x = p ζ_x + k (p − z) m_x, m_x = c ξ sin ωt; in y
+    with −cos for sin; ξ = −q_x x² − q_y y² − η, η̇ = h ξ. Φ̇ = A Φ + b(t) (∇ξ Φ).
     """
     constant = np.zeros((STATES, STATES))
     for first in (0, 3):
@@ -105,8 +111,8 @@ def orbit(gain: float, flow: Flow, tolerance: float) -> Orbit:
     for _ in range(20):
         end = flow(right, np.concatenate([start, identity.ravel()]), PERIOD)
         monodromy = end[STATES:].reshape(STATES, STATES)
-        step = np.linalg.solve(identity - monodromy, end[:STATES] - start)
-        start = start + step
+        step = np.linalg.solve(identity - monodromy, end[:STATES] - start).astype(np.float64)
+        start += step
         if np.abs(step).max() < tolerance:
             return Orbit(start, monodromy)
     raise SystemExit("Newton's method does not converge")

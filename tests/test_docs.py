@@ -1,4 +1,5 @@
-"""Every example in the documentation is run, and every key of a scenario is documented."""
+"""Every example in the documentation is run, what it prints is what the page shows, and every key
+of a scenario is documented."""
 
 from __future__ import annotations
 
@@ -21,11 +22,19 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_examples_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_run_and_print_what_is_shown(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
     namespace: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(page, "python"):
         exec(compile(block, str(page), "exec"), namespace)
+    printed = [line.rstrip() + "\n" for line in capsys.readouterr().out.splitlines()]
+    for shown in blocks(page, "text"):
+        assert shown in "".join(printed)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -44,6 +53,7 @@ def test_the_scenarios_and_commands_run(
 
 def test_there_is_something_to_run() -> None:
     assert sum(len(blocks(page, "python")) for page in PAGES) >= 5
+    assert sum(len(blocks(page, "text")) for page in PAGES) >= 5
 
 
 def documented(cls: type[Description]) -> list[str]:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from threading import Barrier
 from typing import Any
 
 import heyoka
 import numpy as np
 import pytest
+import sympy
 from loops import force_actuated, velocity_actuated
 from scipy.linalg import expm
 from systems import system
@@ -14,6 +16,7 @@ from systems import system
 import extremum as es
 from extremum import s
 from extremum.engines import flow
+from extremum.system import Oracle
 
 ENGINES = ("taylor", "reference")
 
@@ -143,6 +146,24 @@ def test_a_field_known_by_its_values_only() -> None:
     assert matrices[1] == pytest.approx(matrices[0], rel=1e-8, abs=1e-9)
 
 
+def test_derivatives_of_values_do_not_ask_beyond_the_edge() -> None:
+    """ẋ = −f(x), f(x) = x³ known on [0, 1] only: from 1, x = 1/√(1 + 2t) and Φ = x³."""
+
+    def cube(x: float) -> float:
+        if not 0 <= x <= 1:
+            raise ValueError
+        return x**3
+
+    call = sympy.Function("f")(sympy.Symbol("x", real=True))
+    value = sympy.Symbol("F", real=True)
+    oracle = Oracle(cube, (0.0,), (1.0,))
+    bound = replace(system("-x"), rhs=(-value,), signals=((value, call),), oracles={"f": oracle})
+    found = flow.transition(bound, (0, 0, 0), (1.0,), 0.0, 1.0)
+    assert found.completed
+    assert found.state[0] == pytest.approx(3**-0.5, rel=1e-11)
+    assert found.matrix[0, 0] == pytest.approx(3**-1.5, rel=1e-4)  # one-sided at the very edge
+
+
 def test_gridded_data_end() -> None:
     """Φ over J = x is that of the plane up to the edge at x = 2, where the flow ends."""
     x = np.linspace(-1, 2, 7)
@@ -183,18 +204,18 @@ def test_a_changed_number_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_two_threads_do_not_share_an_integrator() -> None:
     linear = system("a*x + sin(w*t)", carriers="w")
-    rates = np.linspace(-2, 2, 150)
+    numbers = [(float(a), 0.0, 900.0) for a in np.linspace(-2, 2, 150)]
     together = Barrier(2)
 
     def sweep(order: np.ndarray) -> dict[int, float]:
         together.wait()
         return {
-            int(i): flow.transition(linear, (float(rates[i]), 0, 9), (1.0,), 0.0, 3.0).matrix[0, 0]
+            int(i): flow.transition(linear, numbers[i], (1.0,), 0.0, 3.0).matrix[0, 0]
             for i in order
         }
 
-    forwards = np.arange(len(rates))
+    forwards = np.arange(len(numbers))
     with ThreadPoolExecutor(2) as pool:
         for found in pool.map(sweep, (forwards, forwards[::-1])):
             for i, factor in found.items():
-                assert factor == pytest.approx(np.exp(3 * rates[i]), rel=1e-12)
+                assert factor == pytest.approx(np.exp(3 * numbers[i][0]), rel=1e-12)

@@ -53,15 +53,16 @@ def test_samples_stay_on_an_unstable_orbit() -> None:
     assert states == pytest.approx(response(-0.6, times), abs=1e-11)
 
 
-def test_a_poor_guess_needs_damping() -> None:
-    """ẋ = −atan(x) + cos(wt)/10: Newton's step from x = 10 lands at −140 and beyond."""
-    steep = system("-atan(x) + cos(w*t)/10", carriers="w")
-    guess = np.full((1, 1), 10.0)
-    undamped = shooting.close(steep, (0, 0, W), PERIOD, guess)
-    assert undamped.outcome == "diverged"
-    damped = shooting.close(steep, (0, 0, W), PERIOD, guess, damped=True)
-    assert damped.converged
-    assert abs(damped.nodes[0, 0]) < 0.01
+@pytest.mark.parametrize("guess", [1.2, 1.3, 1.35, 1.4])
+def test_another_orbit_is_not_taken_for_the_one_that_was_guessed(guess: float) -> None:
+    """ẋ = sin x + cos(wt)/10 has orbits at kπ; from 1.2 plain Newton's method lands at 5π."""
+    waves = system("sin(x) + cos(w*t)/10", carriers="w")
+    away = shooting.close(waves, (0, 0, W), PERIOD, np.array([[guess]]))
+    assert away.outcome == "diverged"
+    assert len(away.factors) == 0
+    for near, orbit in ((0.3, 0.0), (-0.5, 0.0), (2.5, np.pi)):
+        found = shooting.close(waves, (0, 0, W), PERIOD, np.array([[near]]))
+        assert found.nodes[0, 0] == pytest.approx(orbit, abs=0.003)
 
 
 @pytest.mark.parametrize("segments", [1, 3])

@@ -194,12 +194,21 @@ def test_hurwitz_determinants_against_their_definition() -> None:
 
 def test_hurwitz_determinants_survive_extreme_units_of_time() -> None:
     plain, margin = hurwitz_determinant([1, 3, 4, 3, 2, 1], 4)
+    assert margin != 0
     for unit in (1e-30, 1e-3, 1e12, 1e40):
         value, other = hurwitz_determinant(
             [c * unit**i for i, c in enumerate([1, 3, 4, 3, 2, 1])], 4
         )
         assert np.sign(value) == np.sign(plain)
         assert other == pytest.approx(margin, rel=1e-9)
+
+
+def test_a_large_hurwitz_determinant_takes_no_time() -> None:
+    coefficients = list(np.poly(-np.linspace(0.5, 1.5, 20)))
+    began = time.perf_counter()
+    _, margin = hurwitz_determinant(coefficients, 19)
+    assert time.perf_counter() - began < 0.5  # 2¹⁹ sets of columns would take seconds
+    assert 0 < margin < 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -295,6 +304,15 @@ def test_conditions_of_the_other_schemes() -> None:
 def test_equal_conditions_are_stated_once() -> None:
     shared = SCHEMES["force"].subs(dict(zip(Y.values(), X.values(), strict=True)))
     assert len(conditions(shared, [*X.values(), H], [1.0] * 8)) == 5
+    rows = [[0, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]]
+    companion = Matrix([*rows, [-a for a in reversed(GAINS[:5])]])
+    once = conditions(companion, GAINS, [1.0] * len(GAINS))
+    assert len(once) == 7
+    assert conditions(sympy.diag(companion, companion), GAINS, [1.0] * len(GAINS)) == once
+    damped = [Matrix([[0, 1], [-a, -H]]) for a in (X["q"], Y["q"])]  # h > 0 for both
+    assert [c.text() for c in conditions(sympy.diag(*damped), GAINS, [1.0] * len(GAINS))] == [
+        *("h > 0", "q_x > 0", "q_y > 0"),
+    ]
     assert [e.text() for e in hurwitz([1, H, H, 1])] == ["h > 0", "h² - 1 > 0"]
     numeric = [e.text() for e in hurwitz([2, 4, 8])]
     assert numeric == ["2 > 0", "4 > 0"]
@@ -328,6 +346,22 @@ def test_a_degree_8_block_stays_bounded_and_readable() -> None:
         "0, 1, a_2, a_4, a_6; 0, 0, a_1, a_3, a_5] > 0"
     )
     assert found[-1].definitions()[0] == "a_1 = " + " + ".join(f"u0_{j}" for j in range(8))
+
+
+def test_determinants_are_stated_in_letters_beyond_degree_4_or_where_they_are_long() -> None:
+    fourth, fifth = (hurwitz([1, *GAINS[:degree]], letter="m") for degree in (4, 5))
+    assert fourth[-1].text() == "α_x c_x k_x - α_x² q_x - k_x² > 0"
+    assert fourth[-1].where == ()
+    assert fifth[-1].text() == "m_1 m_2 - m_3 > 0"
+    assert fifth[-2].text().startswith("det[m_1, m_3, m_5, 0; 1, m_2, m_4, 0; ")
+    assert fifth[-1].definitions() == ("m_1 = α_x", "m_2 = c_x", "m_3 = k_x")
+    dense = conditions(Matrix(4, 4, sympy.symbols("m:16")), sympy.symbols("m:16"), [1.0] * 16)
+    assert dense[-1].text() == "a_1 a_2 a_3 - a_1² a_4 - a_3² > 0"
+    assert len(dense[-1].definitions()) == 4
+    assert sum(len(c.text()) for c in dense) < 2000
+    large = conditions(Matrix(6, 6, sympy.symbols("m:36")), sympy.symbols("m:36"), [1.0] * 36)
+    (definition,) = large[-1].definitions()
+    assert "λ⁶ = det[λ - m0, -m1," in definition
 
 
 @pytest.mark.parametrize("degree", range(1, 9))
@@ -447,6 +481,9 @@ def test_margins_have_no_unit() -> None:
     )
     assert [c.margin for c in other] == pytest.approx([c.margin for c in one], rel=1e-8)
     assert other[0].value == pytest.approx(1e3 * one[0].value)
+    sizes = abs(np.linalg.eigvals(matrix))
+    assert one[0].margin == pytest.approx(-np.trace(matrix) / sizes.sum())
+    assert one[5].margin == pytest.approx(np.sign(np.linalg.det(matrix)))  # a₆ = det A
 
 
 def test_a_damping_that_is_missing_is_a_condition_that_never_holds() -> None:

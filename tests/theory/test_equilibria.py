@@ -77,6 +77,10 @@ R7 = np.sqrt(7)
         ]),
         ([sympy.prod(x - k for k in range(1, 9))], [x], [(k,) for k in range(1, 9)]),
         ([x**2 + 1], [x], []),
+        ([x**2 + y**2 - x, x**2 + y**2 - x - Rational(1, 10**15)], [x, y], []),  # just so
+        ([x * y - z * w, x**2 - y - z, y**2 - w, z**2 - x + w], [x, y, z, w], [
+            (0, 0, 0, 0), (1, 0, 1, 0),
+        ]),
         ([x - 1, x - 2], [x, y], []),  # contradictory
         ([x + y - 3, x - y - 1], [x, y], [(2, 1)]),
         ([x**2 + y**2, x - y], [x, y], [(0, 0)]),
@@ -90,8 +94,8 @@ def test_systems_with_known_solutions(
 
 
 def test_the_nearest_to_the_origin_comes_first() -> None:
-    found = real_solutions([(x - 3) * (x + 1) * (x - 2), y - x], [x, y])
-    assert [round(float(point[0]), 9) for point in found] == [-1, 2, 3]
+    found = real_solutions([(x - 3) * (x + 1) * (x + 2), y - x], [x, y])
+    assert [round(float(point[0]), 9) for point in found] == [-1, -2, 3]
 
 
 def test_points_of_a_tilted_ring() -> None:
@@ -177,10 +181,41 @@ def test_a_double_solution_survives_rounding_of_the_coefficients(root: float) ->
             [(a / root, b / root) for a, b in expected], tol=1e-6)  # fmt: skip
 
 
+def test_a_multiple_solution_needs_no_more_digits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("extremum.theory.equilibria._joint_eigenvalues_precisely", None)
+    matched(real_solutions([x**2 + y**2 - 2, x * y - 1], [x, y]), [(1, 1), (-1, -1)])
+    matched(real_solutions([(x - Rational(1, 3)) ** 3 * (x + 1)], [x]), [(1 / 3,), (-1,)])
+
+
+@pytest.mark.parametrize("power", [6, 12])
+def test_a_solution_of_high_multiplicity_keeps_its_digits(power: int) -> None:
+    equation = (x - Rational(1, 10)) ** power * (x - 2)
+    matched(real_solutions([equation], [x]), [(0.1,), (2,)])
+
+
 def test_close_solutions_stay_apart() -> None:
     gap = Rational(1, 10**5)
     found = real_solutions([x * (x - gap) * (x - 1), y - x], [x, y])
     matched([p * 1e5 for p in found], [(0, 0), (1, 1), (1e5, 1e5)], tol=1e-6)
+    overlap = Rational(1, 10**10)  # circles that cut at y = ±√overlap, or just miss
+    for sign, count in ((1, 2), (-1, 0)):
+        circles = [x**2 + y**2 - 1, (x - 2 + sign * overlap) ** 2 + y**2 - 1]
+        found = real_solutions(circles, [x, y])
+        assert len(found) == count
+        assert all(abs(p[1]) == pytest.approx(1e-5, rel=1e-4) for p in found)
+
+
+@pytest.mark.parametrize("unit", [Rational(1, 10**9), Rational(1), Rational(10**9)])
+def test_solutions_do_not_depend_on_the_unit(unit: Any) -> None:
+    circle = [(x / unit) ** 2 + (y / unit) ** 2 - 5, x * y / unit**2 - 2]
+    found = [p / float(unit) for p in real_solutions(circle, [x, y])]
+    matched(found, [(1, 2), (2, 1), (-1, -2), (-2, -1)])
+
+
+def test_what_vanishes_is_exactly_zero() -> None:
+    equations = [x * y - z * w, x**2 - y - z, y**2 - w, z**2 - x + w / 10]
+    found = [p for p in real_solutions(equations, [x, y, z, w]) if abs(p[0] - 1) < 1e-9]
+    assert [p.tolist() for p in found] == [[1, 0, 1, 0]]
 
 
 def test_the_averaged_loop_of_erratum_2_rests_where_it_says() -> None:
@@ -202,6 +237,10 @@ def test_the_averaged_loop_of_erratum_2_rests_where_it_says() -> None:
 def test_elimination_leaves_what_the_limit_counts() -> None:
     chain: list[Any] = [x - y**2, z - x**2, w - z**2, y - 2]  # degree 8 in all, but triangular
     matched(real_solutions(chain, [x, y, z, w], limit=1), [(4, 2, 16, 256)])
+    washout: list[Any] = [z + x**2 + y**2, x**3 - x, y**3 - y]  # z is in no other equation
+    assert len(real_solutions(washout, [x, y, z], limit=9)) == 9
+    worse: list[Any] = [z - x**3, z**2 + y**2 - 2, z * y - 1]  # without z: degrees 6 and 4
+    matched(real_solutions(worse, [x, y, z], limit=12), [(1, 1, 1), (-1, -1, -1)], tol=1e-7)
     with pytest.raises(es.InvalidDescription, match=r"may have 9 solutions, more than 8; .*guess"):
         real_solutions([x**3 - x, y**3 - y], [x, y], limit=8)
 
@@ -213,6 +252,7 @@ def test_elimination_leaves_what_the_limit_counts() -> None:
         ([(x**2 + y**2 - 1) * x, (x**2 + y**2 - 1) * y], "y"),  # a ring
         ([x - y, 2 * x - 2 * y], "[xy]"),
         ([0.1 * x + 0.2 * y - 0.3, 0.3 * x + 0.6 * y - 0.9], "[xy]"),  # singular in decimals
+        ([(x - 0.1) * (y - 0.7), (x - 0.1) * (x + 1)], "y"),  # the line x = 0.1
         ([sympy.Integer(0), y**2 - 1], "x"),
     ],
 )
@@ -258,6 +298,11 @@ def test_newton_finds_the_solution_near_the_guess() -> None:
         assert found == pytest.approx(root, abs=1e-12)
 
 
+def test_newton_takes_no_giant_leap() -> None:
+    near = scalar(lambda v: np.sin(v), lambda v: np.cos(v), 1.5)  # a full step ends at −4π
+    assert near == pytest.approx(0, abs=1e-12)
+
+
 def test_newton_in_several_dimensions() -> None:
     """Kepler's equation E − e sin E = M, and a rotation that mixes it with a circle."""
 
@@ -290,8 +335,11 @@ def test_newton_does_not_depend_on_the_unit(scale: float) -> None:
 
 
 def test_a_double_solution_is_found_with_half_the_digits() -> None:
-    found = scalar(lambda v: (v - 0.3) ** 2, lambda v: 2 * (v - 0.3), 1.0)
-    assert found == pytest.approx(0.3, abs=1e-4)
+    rng = np.random.default_rng(4)
+    for root, other in rng.normal(size=(60, 2)):
+        rounded = np.poly1d(np.poly([root, root, root + 3 + abs(other)]))
+        found = scalar(rounded, rounded.deriv(), root - 0.4)
+        assert found == pytest.approx(root, abs=1e-5)
 
 
 def test_where_there_is_no_solution_there_is_none() -> None:
@@ -301,6 +349,8 @@ def test_where_there_is_no_solution_there_is_none() -> None:
     fades = (lambda v: v * np.exp(-(v**2)), lambda v: (1 - 2 * v**2) * np.exp(-(v**2)))
     assert scalar(*fades, 0.3) == pytest.approx(0, abs=1e-12)
     assert scalar(*fades, 2.0) is None  # Newton walks outwards, where the gradient fades away
+    step = scalar(lambda v: v - 0.3 + (1e-8 if v > 0.3 else -1e-8), lambda _: 1.0, 1.0)
+    assert step is None  # a jump over zero
     assert scalar(lambda v: v * np.nan, lambda v: v, 1.0) is None
 
 

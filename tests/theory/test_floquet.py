@@ -133,6 +133,14 @@ def test_a_jordan_block_is_compared_by_its_polynomial(size: int, power: float) -
     assert slope(polynomials) == pytest.approx(1, abs=0.05)
 
 
+@pytest.mark.parametrize("frequency", [1e2, 1e6])
+def test_polynomials_differ_as_their_roots_do_at_every_frequency(frequency: float) -> None:
+    """(s + 1)(s + 2) and (s + 1)(s + 3): s differs by 1 of 2·3, s⁰ by 1 of 9; μ crowds at 1."""
+    found = floquet.polynomial_distance([-1, -2], [-1, -3], 2 * np.pi / frequency)
+    assert found == pytest.approx(1 / 6, rel=0.1)
+    assert floquet.polynomial_distance([-1, -2], [-2, -1], 2 * np.pi / frequency) < 1e-15
+
+
 def test_lyapunov_exponents_of_a_cycle_are_the_real_parts() -> None:
     modes: Any = (0.2, -0.5 + 0.7j, -1.5)
     period = 40.0

@@ -22,12 +22,15 @@ CONVERGED: Final = "converged"
 DIVERGED: Final = "diverged"
 
 CONTRACTION: Final = 0.5
-"""What each undamped correction may be of the one before; beyond, another orbit may be met."""
+"""What each correction may be of the one before, and half of what the change of Φ may make of it.
+
+For a quadratic equation both say that Kantorovich's number is at most 1; beyond, Newton's method
+may land on another orbit.
+"""
 
 FIRST: Final = 1.5
 """The same for the first, as a state that others drive begins to move with the second."""
 
-LEAST_DAMPING: Final = 1 / 64
 MAX_ITERATIONS: Final = 40
 SMALL: Final = 1e-6
 LEAST_WEIGHT: Final = 1e-3
@@ -91,11 +94,11 @@ class _Problem:
         ]
         self.sizes = np.abs(np.array(rates)).max(axis=0) * period / len(nodes)
 
-    def size(self, trial: _Trial) -> float:
-        """Return the correction's largest entry, each divided by how large its state is."""
+    def size(self, step: Vector) -> float:
+        """Return a correction's largest entry, each divided by how large its state is."""
         largest = self.sizes.max()
         weights = np.maximum(self.sizes, LEAST_WEIGHT * largest) if largest else 1.0
-        return float((np.abs(trial.step) / weights).max())
+        return float((np.abs(step) / weights).max())
 
     def learn(self, trial: _Trial) -> None:
         seen = np.abs(np.concatenate([trial.nodes, trial.nodes + trial.step])).max(axis=0)
@@ -112,19 +115,17 @@ class _Problem:
             return DIVERGED
         return _Trial(nodes, found.factors, gaps, step) if np.isfinite(step).all() else DIVERGED
 
-    def improve(self, trial: _Trial, contraction: float, damped: bool) -> _Trial | str:
+    def improve(self, trial: _Trial, contraction: float) -> _Trial | str:
         """Return the next iterate, or why there is none."""
-        damping = 1.0
-        while True:
-            found = self.evaluate(trial.nodes + damping * trial.step)
-            if isinstance(found, _Trial):
-                self.learn(found)
-                limit = 1 - damping / 4 if damped else contraction
-                if self.size(found) <= max(limit * self.size(trial), SMALL):
-                    return found
-            damping /= 2
-            if not damped or damping < LEAST_DAMPING:
-                return DIVERGED if isinstance(found, _Trial) else found
+        found = self.evaluate(trial.nodes + trial.step)
+        if isinstance(found, str):
+            return found
+        self.learn(found)
+        bent = np.einsum("kij,kj->ki", found.factors - trial.factors, trial.step)
+        turn = self.size(corrections(trial.factors, bent))
+        allowed = contraction * self.size(trial.step)
+        smaller = self.size(found.step) <= max(allowed, SMALL)
+        return found if smaller and turn <= max(2 * allowed, SMALL) else DIVERGED
 
 
 def close(
@@ -132,13 +133,12 @@ def close(
     values: Sequence[float],
     period: float,
     nodes: Vector,
-    *,
-    damped: bool = False,
 ) -> Closed:
     """Return the periodic orbit near the given nodes.
 
     Newton's method runs until rounding stops it: at a high dither frequency I − Φ is as small as
-    λT, and a residual that looks small is not.
+    λT, and a residual that looks small is not. It either contracts from the start or gives up, and
+    so does not wander off to another orbit: continuation reaches further.
 
     Parameters
     ----------
@@ -146,9 +146,6 @@ def close(
         T (s), a period of the system's right-hand side.
     nodes
         Guesses at t = k T/m, (m, n); m segments are used.
-    damped
-        Whether corrections may be shortened. Undamped, Newton's method either contracts from the
-        start or gives up, and so does not wander off to another orbit.
     """
     problem = _Problem(system, values, period, nodes)
     trial, ratio = problem.evaluate(nodes), 1.0
@@ -157,9 +154,9 @@ def close(
     for iteration in range(MAX_ITERATIONS):
         if isinstance(trial, str):
             break
-        found = problem.improve(trial, CONTRACTION if iteration else FIRST, damped)
+        found = problem.improve(trial, CONTRACTION if iteration else FIRST)
         if isinstance(found, _Trial):
-            before, after = problem.size(trial), problem.size(found)
+            before, after = problem.size(trial.step), problem.size(found.step)
             settled = after > CONTRACTION * before or before * ratio**2 < np.finfo(float).eps
             if settled and before < SMALL:
                 return _closed(period, found if after < before else trial)

@@ -138,11 +138,10 @@ def _carried(equations: Relative) -> list[tuple[Symbol, Symbol, Expr]]:
     """Return (state, signal, expression) of the signals w = ζ + D m that a compensator puts out."""
     found = []
     for symbol, expression in equations.signals:
-        for state in equations.states:
-            direct = sympy.expand(expression - state)
-            driven = direct.free_symbols & {x for x, _ in equations.signals}
-            if driven and not direct.has(*equations.states) and equations.signal not in driven:
-                found.append((state, symbol, expression))
+        terms = sympy.Add.make_args(expression)
+        carried = [x for x in equations.states if x in terms]
+        if len(carried) == 1 and len(terms) > 1 and equations.signal not in expression.free_symbols:
+            found.append((carried[0], symbol, expression))
     return found
 
 

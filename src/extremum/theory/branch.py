@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 
 from ..controllers import Probe
@@ -22,11 +21,9 @@ from ..engines import shooting
 from ..engines.shooting import Closed
 from ..loop import Loop
 from ..rational import at_frequency
-from ..symbols import substituted
-from ..system import System
 from . import floquet
 from .averaging import Average, average
-from .frame import MAX_CYCLES, Frame
+from .frame import Frame, slow_frequencies
 
 Vector = NDArray[np.float64]
 
@@ -89,38 +86,12 @@ class Branch:
     folded: bool = False
 
 
-# --- periods ----------------------------------------------------------------------------------
-
-
-def period(frame: Frame) -> tuple[float, int] | None:
-    """Return after which time the rates repeat (s) and how many cycles of the slowest dither.
-
-    None if they do not, or only after more than 20,000 cycles.
-    """
-    if not only_dithers(frame.system):
-        return frame.period()
-    length = frame.system.common_period(frame.values)
-    if length is None:
-        return None
-    cycles = max(round(length * min(frame.frequencies()) / (2 * math.pi)), 1)
-    return (length, cycles) if cycles <= MAX_CYCLES else None
-
-
-@lru_cache(maxsize=256)
-def only_dithers(system: System) -> bool:
-    """Return whether time enters the rates by the dithers only: the source rests, or ramps."""
-    needed = set().union(*(rate.free_symbols for rate in system.rhs))
-    entering = list(system.rhs)
-    for symbol, expression in reversed(system.signals):
-        if symbol in needed:
-            needed |= expression.free_symbols
-            entering.append(expression)
-    angles = [carrier * system.time for carrier in system.carriers]
-    waves = dict.fromkeys((f(a) for a in angles for f in (sympy.sin, sympy.cos)), sympy.Integer(0))
-    return not any(substituted(e, waves).has(system.time) for e in entering)
-
-
 # --- where it begins --------------------------------------------------------------------------
+
+
+def rests(frame: Frame) -> bool:
+    """Return whether time enters the rates by the dithers only: the source rests, or ramps."""
+    return slow_frequencies(frame.system) == ()
 
 
 def frequency(loop: Loop) -> float:
@@ -142,11 +113,10 @@ def changes(loop: Loop, wanted: float) -> dict[str, float]:
             before = controller.frequencies()[axis]
             plant = loop.vehicle.dynamics()[axis]
             assert plant is not None
-            gains = [
-                abs(at_frequency(plant, w)) for w in (before, before * wanted / frequency(loop))
-            ]
+            after = before * wanted / controller.frequency
+            scale = abs(at_frequency(plant, before) / at_frequency(plant, after))
             path = f"controller.channels.{axis}.dither.amplitude"
-            changed[path] = channel.dither.amplitude * gains[0] / gains[1]
+            changed[path] = channel.dither.amplitude * scale
     return changed
 
 
@@ -157,7 +127,7 @@ def reached(predicted: Average, cycle: tuple[float, int]) -> Branch:
     for k in range(BEGINNINGS + 1):
         if k:
             predicted = average(loop.replace(changes(loop, wanted * 4.0**k)))
-        again = period(predicted.frame) if k else cycle
+        again = predicted.frame.period() if k else cycle
         if again is None or predicted.equilibrium is None:
             break
         nodes = guess(predicted, again)
@@ -209,7 +179,7 @@ def followed(start: Point, target: float, *, largest: float = LARGEST) -> Branch
 def near(neighbours: Sequence[Point], wanted: float) -> Point | None:
     """Return the orbit at ω from one or two known ones, along the line through them in ln ω."""
     frame = _at(neighbours[-1].frame, wanted)
-    cycle = period(frame)
+    cycle = frame.period()
     assert cycle is not None
     speed = max(float(np.abs(point.exponents.real).max()) for point in neighbours)
     count = _segments(*cycle, speed)

@@ -97,6 +97,8 @@ def blocks(matrix: sympy.MatrixBase) -> tuple[tuple[int, ...], ...]:
     for i in range(size):
         for j in range(size):
             reach[i, j] |= not vanishes(cast(Expr, matrix[i, j]))
+    for _ in range(size.bit_length()):
+        reach = reach @ reach
     mutual = reach & reach.T
     return tuple(
         tuple(int(j) for j in np.flatnonzero(row))

@@ -168,13 +168,13 @@ def critical_frequency(loop: Loop, low: float, high: float) -> Critical:
     top = loop.replace(branch.changes(loop, high))
     predicted = average(top)
     frame = predicted.frame
-    if not branch.only_dithers(frame.system):
+    if not branch.rests(frame):
         raise InvalidDescription(
             "field",
             "moves: with another ω the loop has no common period with its path. Ask for "
             "periodic_orbit at single frequencies, or let the source rest",
         )
-    cycle = branch.period(frame)
+    cycle = frame.period()
     if cycle is None:
         listed = ", ".join(f"{f:g}" for f in frame.frequencies())
         raise InvalidDescription(

@@ -31,7 +31,7 @@ GREVLEX: Final[Any] = grevlex
 STEPS: Final = 100
 TOLERANCE: Final = 1e-10
 """`nearest` is done when Newton's step is smaller, in units of the unknowns' scale."""
-FLAT: Final = 1e-6
+FLAT: Final = 1e-3
 """Values must also be smaller than this times the slopes: a function that fades away is no zero."""
 SHORTEST: Final = 2.0**-20
 """The shortest part of Newton's step that `nearest` tries."""
@@ -234,8 +234,6 @@ def _solutions(polynomials: Sequence[Any], indices: tuple[int, ...], ring: PolyR
     ]
     scaled, units = _scaled(exponents, len(indices))
     system = [small.from_dict(p) for p in scaled]
-    if len(indices) == len(system) == 1:
-        system = [system[0].quo(system[0].gcd(system[0].diff(small.gens[0])))]
     basis = groebner(system, small, method="f5b")
     if any(g.is_ground for g in basis):
         return []

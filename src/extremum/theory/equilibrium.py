@@ -11,9 +11,11 @@ from sympy import Expr, Symbol
 from ..symbols import substituted
 from ..symbols import t as time
 from .averaged import Averaged
+from .hurwitz import summands
+from .routh import permanent
 
-MAX_SOLVED: Final = 4
-"""States up to which coupled rates are solved in closed form, unless the solution is 0."""
+MAX_TERMS: Final = 40
+"""Terms of a determinant beyond which no closed form is looked for, unless the solution is 0."""
 
 
 def mean_of(expression: Expr) -> Expr:
@@ -57,7 +59,8 @@ def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
             known |= dict.fromkeys(group, zero)
             pending = {x: e for x, e in pending.items() if x not in group}
             continue
-        if len(group) > MAX_SOLVED:
+        counts = [[len(summands(e)) if e != 0 else 0 for e in row] for row in matrix.tolist()]
+        if permanent(counts, MAX_TERMS) >= MAX_TERMS:
             return None
         determinant = sympy.factor(matrix.det())
         if determinant == 0:

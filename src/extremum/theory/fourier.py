@@ -11,9 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from typing import Any
 
 import sympy
-from sympy import Expr, Poly, Symbol
+from sympy import QQ, Expr, Symbol
+from sympy.polys.orderings import lex
+from sympy.polys.rings import PolyRing
 
 from ..symbols import substituted
 from ..symbols import t as time
@@ -109,17 +112,57 @@ def series(expression: Expr, oscillators: Sequence[Oscillator]) -> Series:
     harmonics = {g: o.harmonic for o in oscillators for g in (o.sine, o.cosine)}
     kinds = tuple(g in {o.sine for o in oscillators} for g in present)
     turns = tuple(harmonics[g] for g in present)
-    sums: dict[Harmonic, tuple[list[Expr], list[Expr]]] = {}
-    for powers, coefficient in Poly(expression, *present).terms():
-        for k, (cosine, sine) in _monomial(powers, kinds, turns).items():
-            cosines, sines = sums.setdefault(k, ([], []))
-            cosines.append(coefficient * sympy.Rational(cosine.numerator, cosine.denominator))
-            sines.append(coefficient * sympy.Rational(sine.numerator, sine.denominator))
-    added = {k: (sympy.Add(*cs), sympy.Add(*ss)) for k, (cs, ss) in sums.items()}
-    zero = (0,) * len(oscillators[0].harmonic)
-    mean, _ = added.pop(zero, (sympy.Integer(0), sympy.Integer(0)))
+    polynomial, back = _polynomial(expression, present)
+    zero = polynomial.ring.zero
+    sums: dict[Harmonic, list[Any]] = {}
+    for powers, coefficient in polynomial.terms():
+        inner = (0,) * len(present) + powers[len(present) :]
+        term = polynomial.ring({inner: coefficient})
+        for k, (cosine, sine) in _monomial(powers[: len(present)], kinds, turns).items():
+            both = sums.setdefault(k, [zero, zero])
+            both[0] += term * QQ(cosine.numerator, cosine.denominator)
+            both[1] += term * QQ(sine.numerator, sine.denominator)
+    added = {
+        k: (substituted(c.as_expr(), back), substituted(s.as_expr(), back))
+        for k, (c, s) in sums.items()
+    }
+    constant = (0,) * len(oscillators[0].harmonic)
+    mean, _ = added.pop(constant, (sympy.Integer(0), sympy.Integer(0)))
     waves = {k: (c, s) for k, (c, s) in added.items() if c != 0 or s != 0}
     return Series(mean, waves)
+
+
+def _polynomial(expression: Expr, first: Sequence[Symbol]) -> tuple[Any, dict[Expr, Expr]]:
+    """Return the expression in a polynomial ring over the rationals, and what its letters mean.
+
+    The ring's first generators are `first`; functions and denominators are letters of their own.
+    """
+    letters: dict[Any, Any] = {}
+
+    def lettered(part: Any) -> Any:
+        if part in letters:
+            return letters[part]
+        if part.is_Symbol or part.is_Rational:
+            return part
+        if part.is_Add or part.is_Mul:
+            return part.func(*(lettered(inner) for inner in part.args))
+        if part.is_Pow and part.exp.is_Integer:
+            if part.exp > 0:
+                return lettered(part.base) ** part.exp
+            return lettered(1 / part.base) ** -part.exp if part.exp < -1 else _letter(part)
+        return _letter(part)
+
+    def _letter(part: Expr) -> Expr:
+        if part.has(*first):
+            raise sympy.PolynomialError(
+                f"{part} is not a polynomial of {', '.join(map(str, first))}"
+            )
+        return letters.setdefault(part, sympy.Dummy())
+
+    whole = lettered(expression)
+    symbols = [*first, *sorted(whole.free_symbols - set(first), key=str)]
+    ring = PolyRing(symbols, QQ, lex)
+    return ring.from_expr(whole), {letter: part for part, letter in letters.items()}
 
 
 @lru_cache(maxsize=4096)

@@ -121,7 +121,7 @@ class Frame:
             Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else _fraction(n)
             for law, n in zip(ratios, numbers, strict=True)
         ]
-        slow = evaluated(_slow_frequencies(self.system) or (), self.system)(self.values)
+        slow = evaluated(slow_frequencies(self.system) or (), self.system)(self.values)
         return base, [*multiples, *(_fraction(abs(f)) / base for f in slow if f)]
 
     def period(self) -> tuple[float, int] | None:
@@ -130,7 +130,7 @@ class Frame:
         A cycle is one of the slowest dither. None if nothing repeats within 20,000 cycles, or if
         time enters otherwise than by sines.
         """
-        if not self.system.carriers or _slow_frequencies(self.system) is None:
+        if not self.system.carriers or slow_frequencies(self.system) is None:
             return None
         base, multiples = self._multiples()
         common = _common(multiples)
@@ -156,6 +156,14 @@ def relative(loop: Loop) -> Frame:
     InvalidDescription
         If the field states no source and none is found uphill from the start.
     """
+    try:
+        return _frame(loop)
+    except TypeError:  # an opaque field's callable that cannot be hashed
+        return _frame.__wrapped__(loop)
+
+
+@lru_cache(maxsize=32)
+def _frame(loop: Loop) -> Frame:
     ready = located(loop)
     equations = _relative(ready.loop.system, ready.loop.twin)
     values = [*ready.loop.values.tolist(), *(ready.found or ())]
@@ -189,7 +197,7 @@ def evaluated(
 
 
 @lru_cache(maxsize=256)
-def _slow_frequencies(system: System) -> tuple[Expr, ...] | None:
+def slow_frequencies(system: System) -> tuple[Expr, ...] | None:
     """Return the frequencies of the sines that are no dither's; None if time enters otherwise."""
     found: dict[Expr, None] = {}
     wanted: set[Any] = set().union(*(e.free_symbols for e in system.rhs))

@@ -106,7 +106,7 @@ def rules_of(coefficients: Coefficients, letter: str) -> list[Rule]:
         rules.setdefault(stated.expression, Rule(stated, parts))
     for order in _orders(degree):
         stated = _determinant(order, named, where)
-        if degree > WRITTEN_DEGREE or not _short_determinant(order, coefficients):
+        if not _short_determinant(order, coefficients):
             rules[stated.expression] = Rule(stated, determinant=order)
             continue
         table = dict(zip(named[1:], coefficients[1:], strict=True))

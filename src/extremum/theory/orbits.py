@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ..engines import shooting
 from ..engines.shooting import Closed
-from ..engines.trajectory import ESCAPED, LEFT
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
 from ..symbols import axis_names
 from . import branch, floquet
 from .averaging import Average, average
+from .excursion import orbit_about
 from .frame import Frame
 
 if TYPE_CHECKING:
@@ -247,14 +247,17 @@ def periodic_orbit(loop: Loop) -> Orbit:
 def orbit_of(predicted: Average) -> Orbit:
     """Return the periodic orbit near an averaged equilibrium; see `periodic_orbit`."""
     frame = predicted.frame
-    cycle = branch.period(frame)
+    cycle = frame.period()
     if cycle is None:
         return Orbit(_aperiodic(frame), frame, None, frame.notes)
     if predicted.equilibrium is None:
         outcome = "the averaged loop has no equilibrium to start from"
         return Orbit(outcome, frame, None, frame.notes)
-    if not branch.only_dithers(frame.system):
-        return _moving(predicted, cycle)
+    if not branch.rests(frame):
+        about = orbit_about(predicted, cycle)
+        if isinstance(about, Closed):
+            return Orbit(FOUND, frame, about, frame.notes)
+        return Orbit(_lost(about), frame, None, frame.notes)
     found = branch.reached(predicted, cycle)
     if found.end:
         return Orbit(found.end, frame, None, frame.notes)
@@ -274,26 +277,10 @@ def _aperiodic(frame: Frame) -> str:
     )
 
 
-def _moving(predicted: Average, cycle: tuple[float, int]) -> Orbit:
-    """Return the orbit about a moving source, from the averaged loop's own orbit about it."""
-    frame, length, nodes = predicted.frame, cycle[0], branch.guess(predicted, cycle)
-    if not predicted.system.oracles:
-        slow = shooting.close(predicted.system, predicted.values, length, nodes, damped=True)
-        nodes = slow.nodes if slow.converged else nodes
-    closed = shooting.close(frame.system, frame.values, length, nodes)
-    if not closed.converged:
-        closed = shooting.close(frame.system, frame.values, length, nodes, damped=True)
-    if closed.converged:
-        return Orbit(FOUND, frame, closed, frame.notes)
-    outcome = f"Newton's method finds no orbit about the moving source: it {_ENDS[closed.outcome]}"
-    return Orbit(outcome, frame, None, frame.notes)
-
-
-_ENDS: Final = {
-    shooting.DIVERGED: "does not converge",
-    ESCAPED: "runs into states from which the loop escapes",
-    LEFT: "runs to where the field has no value",
-}
+def _lost(part: float) -> str:
+    if not part:
+        return "Newton's method finds no orbit, not even about the source at rest"
+    return f"the orbit could be followed up to {part:.3g} of the source's excursion only"
 
 
 # --- spectra ----------------------------------------------------------------------------------

@@ -13,12 +13,11 @@ Array = NDArray[np.float64]
 
 RESIDUAL: Final = 1e-14
 """A point solves an equation whose value is smaller than this, relative to the terms' sizes."""
-CLUSTER: Final = 1e-3
-"""Approximate solutions closer than this, relative to their size, may be one multiple solution."""
 ZERO: Final = 1e-16
 """Smaller steps and unknowns, in units in which the coefficients are close to 1, are zero."""
 SINGULAR: Final = 1e-6
-"""A solution whose Jacobian's singular values have a smaller ratio counts as a multiple one."""
+"""A solution counts as a multiple one if its Jacobian's smallest singular value is below this,
+per unit of the terms' sizes."""
 BETWEEN: Final = (5**0.5 - 2, 2**0.5 - 1, 3**0.5 - 1)
 """Where between two points to look; solutions in rational positions do not lie there."""
 NEWTON_STEPS: Final = 60
@@ -119,20 +118,16 @@ class Numeric:
         for point in self.distinct(ends):
             with np.errstate(all="ignore"):
                 slopes = (self.slopes @ self._monomials(point)).T * np.maximum(abs(point), 1.0)
-            sizes = np.linalg.svd(slopes / self._sizes(point)[:, None], compute_uv=False)
-            simple = sizes[-1] > SINGULAR * sizes[0]
+            smallest = np.linalg.svd(slopes / self._sizes(point)[:, None], compute_uv=False)[-1]
+            simple = smallest > SINGULAR
             count += 1 if simple else sum(self._linked(point, end) for end in ends)
         return count >= len(candidates)
 
     def centred(self, point: Array, candidates: NDArray[np.complex128]) -> Array:
-        """Return the mean of the candidates around a multiple solution, else the point itself.
+        """Return the mean of the candidates that are the same as a point, else the point itself.
 
-        Newton's method gives such a point with 1/m of the digits; a cluster of m eigenvalues is
-        off by as much, but its mean is not.
+        Newton's method gives an m-fold solution with 1/m of the digits; the m candidates around it
+        are off by as much, but their mean is not.
         """
-        distances = np.linalg.norm(candidates - point, axis=1)
-        cluster = candidates[distances <= CLUSTER * max(1.0, float(np.linalg.norm(point)))]
-        if len(cluster) < 2:
-            return point
-        mean = cluster.mean(axis=0).real
-        return mean if self.residual(mean) <= RESIDUAL else point
+        cluster = [candidate for candidate in candidates if self._linked(candidate, point)]
+        return np.mean(cluster, axis=0).real if len(cluster) > 1 else point

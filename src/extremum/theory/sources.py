@@ -15,6 +15,7 @@ from sympy.core.function import AppliedUndef
 from ..errors import InvalidDescription
 from ..fields import Field, Moving, Quadratic
 from ..loop import Loop
+from ..rational import at_frequency
 from ..symbols import axis_names, coordinates
 from ..symbols import t as time
 
@@ -85,18 +86,14 @@ def _start(loop: Loop) -> Vector:
 
 def _size(loop: Loop) -> float:
     """Return the dither's size (m), the scale on which the loop can see the field."""
-    values = loop.values.tolist()
     sizes = []
-    for axis in range(loop.vehicle.dimension()):
-        motion = loop.twin.controller.motion(axis)
+    for axis, plant in enumerate(loop.vehicle.dynamics()):
+        motion = loop.controller.motion(axis)
         assert motion is not None
-        quarter = sympy.pi / (2 * motion[1])
-        swings = (
-            loop.twin.vehicle.swing(axis, *motion, time=when)[0]
-            for when in (sympy.Integer(0), quarter)
-        )
-        both = sympy.lambdify([list(loop.system.symbols)], list(swings), "math")(values)
-        sizes.append(math.hypot(*both))
+        amplitude, frequency, _, through = motion
+        if through is not None and plant is not None:
+            amplitude *= abs(at_frequency(plant / through, frequency))
+        sizes.append(amplitude)
     return max(sizes)
 
 

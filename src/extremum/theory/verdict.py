@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
-from . import branch
 from .averaging import Average, average
 from .conditions import Condition
 from .floquet import Match, match
@@ -182,7 +181,7 @@ def stability(loop: Loop) -> Verdict:
     predicted = average(loop)
     found = orbit_of(predicted)
     along = None
-    if branch.period(predicted.frame) is None and predicted.stable:
+    if predicted.frame.period() is None and predicted.stable:
         along = lyapunov(loop, _window(predicted))
     return Verdict(predicted, found, along, recognise(loop))
 
