@@ -207,7 +207,7 @@ def test_a_large_hurwitz_determinant_takes_no_time() -> None:
     coefficients = list(np.poly(-np.linspace(0.5, 1.5, 20)))
     began = time.perf_counter()
     _, margin = hurwitz_determinant(coefficients, 19)
-    assert time.perf_counter() - began < 0.5  # 2¹⁹ sets of columns would take seconds
+    assert time.perf_counter() - began < 0.5  # 19! products, or all 2¹⁹ sets, would take longer
     assert 0 < margin < 1
 
 
@@ -456,6 +456,32 @@ def test_values_are_those_of_the_stated_expressions(size: int) -> None:
         else:
             expected = float(expression.xreplace(table))
         assert condition.value == pytest.approx(expected, rel=1e-8)
+
+
+def test_axes_coupled_by_the_hessian() -> None:
+    """Two double integrators, w = C(s) g Q p̃: one block of degree 6."""
+    matrix, q_xy = SCHEMES["force"].copy(), Symbol("q_xy", real=True)
+    for (a, first), (_, other) in (((X, 5), (Y, 2)), ((Y, 6), (X, 0))):
+        shared = a["alpha"] * a["c"] * a["k"] * q_xy
+        matrix[first, other] = shared * a["z"]
+        matrix[first, other + 1] = -shared
+    symbols = [*GAINS, q_xy]
+    system = HurwitzSystem(matrix.as_immutable(), tuple(symbols))
+    assert system.blocks == ((0, 1, 2, 3, 5, 6), (4,))
+    texts = {e.name: e.text() for e in system.inequalities}
+    shared = "α_x α_y c_x c_y k_x k_y"
+    assert texts["a_1"] == "-(p_x + p_y) > 0"
+    assert texts["a_5"] == f"-{shared} (z_x + z_y) (q_x q_y - q_xy²) > 0"
+    assert texts["a_6"] == f"{shared} z_x z_y (q_x q_y - q_xy²) > 0"
+    numeric = sympy.lambdify([symbols], matrix, "numpy")
+    rng = np.random.default_rng(8)
+    verdicts = []
+    for _ in range(500):
+        values = [*drawn(rng, "force"), rng.normal(0, 0.5)]
+        largest = np.linalg.eigvals(numeric(values)).real.max()
+        verdicts.append(all(condition.holds for condition in system.at(values)))
+        assert verdicts[-1] == (largest < 0)
+    assert 50 < sum(verdicts) < 450
 
 
 def test_conditions_of_the_errata_s_four_designs() -> None:

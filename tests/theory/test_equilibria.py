@@ -351,6 +351,8 @@ def test_where_there_is_no_solution_there_is_none() -> None:
     assert scalar(*fades, 2.0) is None  # Newton walks outwards, where the gradient fades away
     step = scalar(lambda v: v - 0.3 + (1e-8 if v > 0.3 else -1e-8), lambda _: 1.0, 1.0)
     assert step is None  # a jump over zero
+    fades_to_a_floor = (lambda v: fades[0](v) + 1e-13, fades[1])
+    assert scalar(*fades_to_a_floor, 2.0) is None
     assert scalar(lambda v: v * np.nan, lambda v: v, 1.0) is None
 
 

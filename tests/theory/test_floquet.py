@@ -92,6 +92,15 @@ def test_a_negative_multiplier_has_half_the_frequency() -> None:
     assert again[0] == pytest.approx((-0.2 + 1j * np.pi) / period, rel=1e-13)
 
 
+@pytest.mark.parametrize("copies", [1, 2])
+def test_modes_that_die_within_one_factor_stay_finite(copies: int) -> None:
+    factors = [np.diag([0.5, 1e-9, 0.0])] * copies
+    found = floquet.exponents(factors, copies)
+    assert found[:2].real == pytest.approx(np.log([0.5, 1e-9]), rel=1e-6)
+    assert np.isfinite(found).all()
+    assert found[2].real < -300
+
+
 def test_imaginary_parts_are_known_modulo_the_frequency() -> None:
     """j 7 at ω = 5 is seen as j 2, and matched to the averaged eigenvalue all the same."""
     frequency, modes = 5.0, (-0.3 + 7.0j, -1.0)

@@ -12,8 +12,8 @@ import extremum as es
 from extremum import pi, s
 from extremum.engines import reference, taylor
 from extremum.papers.zhang2007 import scenario
+from extremum.theory import excursion
 from extremum.theory.floquet import match
-from extremum.theory.lyapunov import lyapunov
 from extremum.theory.orbits import Orbit, periodic_orbit
 
 
@@ -167,6 +167,13 @@ def test_the_simulated_loop_comes_to_the_orbit_about_the_moving_source(name: str
     assert run.J.values[1:] == pytest.approx(wanted.J.values, abs=1e-6)
 
 
+def test_the_averaged_loop_s_orbit_leads_straight_to_a_slow_source(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delattr(excursion, "_grown")
+    assert periodic_orbit(scenario("fig6").loop).stable
+
+
 def test_a_fast_source_is_reached_as_its_excursion_grows() -> None:
     """At ω_m = 0.5 the averaged loop's orbit is no guess; the simulated loop comes to ours."""
     loop = scenario("fig5").loop.replace(
@@ -203,38 +210,6 @@ def test_a_ramping_source_is_followed_with_the_error_of_a_type_1_loop() -> None:
     assert orbit.offset == pytest.approx(-velocity / (0.08 * 10 * np.array([1, 0.5])), rel=1e-3)
     type_2 = periodic_orbit(force_actuated(field=moving))
     assert np.abs(type_2.offset).max() < 1e-12
-
-
-def test_incommensurate_motion_has_lyapunov_exponents() -> None:
-    loop = scenario("incommensurate").loop
-    orbit = periodic_orbit(loop)
-    assert not orbit.found
-    assert not orbit.stable
-    assert "0.1414" in orbit.outcome
-    assert "40" in orbit.outcome
-    assert len(orbit.exponents) == 0
-    found = lyapunov(loop, 300.0)
-    assert found.outcome == "completed"
-    assert found.stable
-    sum_of_the_average = -1.0 - 1.5 - 3.0
-    assert found.exponents.sum() == pytest.approx(sum_of_the_average, rel=0.02)
-
-
-def test_lyapunov_exponents_of_a_periodic_loop_are_the_real_parts() -> None:
-    loop = scenario("commensurate").loop
-    orbit = periodic_orbit(loop)
-    found = lyapunov(loop, 4 * orbit.period, transient=2 * orbit.period)
-    assert found.exponents == pytest.approx(orbit.exponents.real, abs=1e-9)
-    assert found.uncertainty < 1e-9
-
-
-def test_lyapunov_of_an_escaping_loop_is_an_outcome() -> None:
-    loop = velocity_actuated(**{"controller.channels.0.ratio": 2**0.5})
-    away = loop.replace({"controller.channels.1.gain": -40.0})
-    assert lyapunov(loop, 60.0).stable
-    found = lyapunov(away.replace({"vehicle.disturbance": (0.1, 0.1)}), 60.0)
-    assert found.outcome == "escaped"
-    assert not found.stable
 
 
 # --- the orbit itself -------------------------------------------------------------------------
@@ -384,6 +359,17 @@ def test_the_dataset_is_one_period_of_the_loop() -> None:
     swing = found.position - found.source - found.offset
     wave = 0.1 * np.stack([np.sin(30 * found.time), -np.cos(30 * found.time)], axis=1)
     assert swing.values == pytest.approx(wave, abs=1e-12)
+
+
+def test_an_orbit_prints() -> None:
+    text = periodic_orbit(scenario("fig4").loop).text()
+    assert "period 0.2094395 s, stable" in text
+    assert "mean position (-1, -1) m" in text
+    assert "amplitude (0.0799" in text
+    assert "Floquet exponents (-0.40106, -0.79759, -1.0013) 1/s" in text
+    missing = str(periodic_orbit(near_the_fold(30.0)))
+    assert missing.startswith("no periodic orbit: the branch ends at ω = 33.47")
+    assert "(-0.45608+0.6264j, -0.45608-0.6264j, " in str(periodic_orbit(force_actuated()))
 
 
 def test_only_a_loop_has_an_orbit() -> None:

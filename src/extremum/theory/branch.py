@@ -35,7 +35,9 @@ SMALLEST: Final = 1e-7
 FOLDED: Final = 0.02
 
 RATE: Final = 4.0
-"""A segment is at most as long as the fastest mode takes to change by e^RATE."""
+MAX_PARTS: Final = 4096
+"""A segment is at most as long as the fastest mode takes to change by e^RATE, but no shorter than
+one part in 4096 of a cycle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +143,7 @@ def reached(predicted: Average, cycle: tuple[float, int]) -> Branch:
 def guess(predicted: Average, cycle: tuple[float, int]) -> Vector:
     """Return the averaged equilibrium at every node."""
     assert predicted.equilibrium is not None
-    count = _segments(*cycle, float(np.abs(predicted.eigenvalues).max()))
+    count = _segments(*cycle, np.abs(predicted.eigenvalues))
     return np.tile(predicted.equilibrium, (count, 1))
 
 
@@ -181,8 +183,8 @@ def near(neighbours: Sequence[Point], wanted: float) -> Point | None:
     frame = _at(neighbours[-1].frame, wanted)
     cycle = frame.period()
     assert cycle is not None
-    speed = max(float(np.abs(point.exponents.real).max()) for point in neighbours)
-    count = _segments(*cycle, speed)
+    rates = np.concatenate([point.exponents.real for point in neighbours])
+    count = _segments(*cycle, rates)
     nodes = [_divided(point, count) for point in neighbours]
     if len(nodes) == 1:
         return _point(wanted, frame, cycle[0], nodes[0])
@@ -202,9 +204,10 @@ def _point(wanted: float, frame: Frame, length: float, nodes: Vector) -> Point |
     return Point(wanted, frame, orbit) if orbit.converged else None
 
 
-def _segments(length: float, cycles: int, speed: float) -> int:
+def _segments(length: float, cycles: int, rates: Vector) -> int:
     """Return how many segments: one for each cycle, times a power of two."""
-    wanted = max(length * speed / (RATE * cycles), 1.0)
+    fastest = float(np.abs(rates[np.isfinite(rates)]).max(initial=0.0))
+    wanted = min(max(length * fastest / (RATE * cycles), 1.0), MAX_PARTS)
     return cycles * 2 ** math.ceil(math.log2(wanted) - 1e-9)
 
 

@@ -21,7 +21,17 @@ from numpy.typing import NDArray
 from sympy import Expr, ImmutableMatrix, Symbol
 
 from ..errors import InvalidDescription
-from .hurwitz import LAMBDA, Coefficients, Inequality, Rule, rules_of, terms, unwritten, vanishes
+from .hurwitz import (
+    LAMBDA,
+    Coefficients,
+    Inequality,
+    Rule,
+    factored,
+    rules_of,
+    terms,
+    unwritten,
+    vanishes,
+)
 from .routh import RouthArray, hurwitz_determinant, permanent, routh
 
 MAX_TERMS: Final = 300
@@ -121,7 +131,7 @@ def characteristic(matrix: sympy.MatrixBase) -> Coefficients:
     ring, (_, *elements) = cast(Any, sring([LAMBDA, *entries]))
     rows = [elements[i * size : (i + 1) * size] for i in range(size)]
     found = DomainMatrix(rows, (size, size), ring.to_domain()).charpoly()
-    return tuple(sympy.factor_terms(ring(a).as_expr()) for a in cast(Any, found))
+    return tuple(factored(ring(a).as_expr()) for a in cast(Any, found))
 
 
 def _is_short(matrix: ImmutableMatrix) -> bool:

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 FIRST: Final = 0.25
 LEAST: Final = 1e-4
 
-PART: Final = Parameter(sympy.Symbol("lambda", real=True), "", "1")
+PART: Final = Parameter(sympy.Dummy("lambda", real=True), "", "1")
 """λ: how much of its excursion the source makes, 0 at rest in the middle, 1 all of it."""
 
 

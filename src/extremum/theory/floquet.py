@@ -39,7 +39,8 @@ def exponents(factors: ArrayLike, period: float) -> Complex:
     -------
     NDArray
         (n,), complex (1/s), the largest real part first. The imaginary part is the principal one,
-        in (−π/T, π/T].
+        in (−π/T, π/T]. A mode that shrinks by more than 1e-16 within one factor is only known to
+        be as fast as that.
 
     Notes
     -----
@@ -52,7 +53,7 @@ def exponents(factors: ArrayLike, period: float) -> Complex:
     """
     cycle = np.asarray(factors, dtype=float)
     if len(cycle) == 1:
-        logs = _logs_near_one(cycle[0] - np.eye(cycle.shape[1]))
+        logs = _logs(cycle[0] - np.eye(cycle.shape[1]))
     else:
         logs = np.concatenate(_block_logs(cycle))
     found = logs / period
@@ -64,12 +65,12 @@ def multipliers(found: Complex, period: float) -> Complex:
     return np.exp(found * period)
 
 
-def _logs_near_one(increment: Vector) -> Complex:
-    """Return ln(1 + d) for the eigenvalues d of M − I."""
+def _logs(increment: Vector) -> Complex:
+    """Return ln(1 + d) for the eigenvalues d of M − I; of M's zeros, that of the smallest float."""
     d: Complex = np.linalg.eigvals(increment).astype(complex)
-    size = 2 * d.real + d.real**2 + d.imag**2
-    with np.errstate(divide="ignore"):  # M singular to rounding: the exponent is −∞
-        return 0.5 * np.log1p(np.maximum(size, -1.0)) + 1j * np.arctan2(d.imag, 1 + d.real)
+    size = np.maximum(np.abs(1 + d), np.finfo(float).tiny)
+    near = 0.5 * np.log1p(np.maximum(2 * d.real + d.real**2 + d.imag**2, -0.75))
+    return np.where(size < 0.5, np.log(size), near) + 1j * np.arctan2(d.imag, 1 + d.real)
 
 
 def _block_logs(cycle: Vector) -> list[Complex]:
@@ -88,7 +89,7 @@ def _block_logs(cycle: Vector) -> list[Complex]:
         sweep += 1
         if sweep == MAX_SWEEPS or all(_spread(product) < SPREAD for product, _ in scaled):
             return [
-                _logs_near_one(turn[block, block] @ product - np.eye(len(product))) + scale
+                _logs(turn[block, block] @ product - np.eye(len(product))) + scale
                 for block, (product, scale) in zip(blocks, scaled, strict=True)
             ]
 
@@ -101,14 +102,18 @@ def _scaled_product(triangles: Sequence[Vector], block: slice) -> tuple[Vector, 
         product = triangle[block, block] @ product
         unit = float(np.abs(product).max()) or 1.0
         product, scale = product / unit, scale + np.log(unit)
-    logs = np.log(np.maximum(np.abs(np.diag(product)), np.finfo(float).tiny))
-    centre = float(np.mean(logs))
+    centre = float(_sizes(product).mean())
     return product * np.exp(-centre), scale + centre
 
 
 def _spread(product: Vector) -> float:
-    sizes = np.abs(np.diag(product))
-    return float(np.log(sizes.max() / max(sizes.min(), np.finfo(float).tiny)))
+    sizes = _sizes(product)
+    return float(sizes.max() - sizes.min())
+
+
+def _sizes(product: Vector) -> Vector:
+    """Return the logs of the diagonal's entries; of zeros, that of the smallest float."""
+    return np.log(np.maximum(np.abs(np.diag(product)), np.finfo(float).tiny))
 
 
 @dataclass(frozen=True)

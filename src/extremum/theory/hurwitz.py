@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 import sympy
-from sympy import Add, Determinant, Eq, Expr, ImmutableMatrix, Symbol
+from sympy import Add, Determinant, Eq, Expr, ImmutableMatrix, Mul, Symbol
 
 from ..errors import InvalidDescription, shown
 from ..printing import expression_text
@@ -17,6 +17,8 @@ WRITTEN_DEGREE: Final = 4
 """Polynomials up to this degree have their determinants multiplied out in the parameters."""
 MAX_WRITTEN: Final = 40
 """Terms beyond which a condition is stated in the coefficients' letters."""
+MAX_FACTORED: Final = 24
+"""Terms beyond which what is left of a sum is not factored."""
 
 LAMBDA: Final = Symbol("lambda")
 
@@ -74,7 +76,7 @@ def hurwitz(coefficients: Sequence[Any], letter: str = "a") -> tuple[Inequality,
     if not given or vanishes(given[0]):
         raise InvalidDescription("coefficients", "must begin with one that is not 0", shown(given))
     if given[0] != 1:
-        given = [sympy.factor_terms(sympy.cancel(c / given[0])) for c in given]
+        given = [factored(sympy.cancel(c / given[0])) for c in given]
     return tuple(rule.inequality for rule in rules_of(tuple(given), letter))
 
 
@@ -106,12 +108,12 @@ def rules_of(coefficients: Coefficients, letter: str) -> list[Rule]:
         rules.setdefault(stated.expression, Rule(stated, parts))
     for order in _orders(degree):
         stated = _determinant(order, named, where)
-        if not _short_determinant(order, coefficients):
+        if degree > WRITTEN_DEGREE or not _short_determinant(order, coefficients):
             rules[stated.expression] = Rule(stated, determinant=order)
             continue
         table = dict(zip(named[1:], coefficients[1:], strict=True))
         parts = summands(stated.expression.xreplace(table))
-        product = cast(Expr, sympy.factor_terms(Add(*parts)))
+        product = factored(Add(*parts))
         rules.setdefault(product, Rule(Inequality(stated.name, product), parts))
     return list(rules.values())
 
@@ -174,6 +176,20 @@ def terms(expression: Expr) -> int:
 def summands(expression: Any) -> tuple[Expr, ...]:
     """Return an expression's terms when it is multiplied out."""
     return Add.make_args(sympy.expand(expression))
+
+
+def factored(expression: Any) -> Expr:
+    """Return an expression with what its terms share taken out, and what is left then factored.
+
+    Sums that share no letter, such as g − ε − p, are left as they are.
+    """
+    product = sympy.factor_terms(expression)
+    factors = Mul.make_args(product)
+    if any(f.free_symbols and not f.is_Add for f in factors) and not product.atoms(sympy.Float):
+        short = [f.is_Add and len(f.args) <= MAX_FACTORED for f in factors]
+        factors = [sympy.factor(f) if s else f for f, s in zip(factors, short, strict=True)]
+        return cast(Expr, Mul(*factors))
+    return cast(Expr, product)
 
 
 def vanishes(expression: Expr) -> bool:

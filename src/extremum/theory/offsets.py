@@ -28,10 +28,12 @@ from ..symbols import t as time
 from .averaged import averaged
 from .averaging import average
 from .demodulation import gradient
-from .equilibrium import mean_of
+from .equilibrium import MAX_TERMS, mean_of
 from .fourier import series, turned
 from .frame import Frame, Relative, evaluated
+from .hurwitz import summands
 from .linear import LoopGain, linear, loop_gain, polynomial
+from .routh import permanent
 
 Vector = NDArray[np.float64]
 Laws = Mapping[str, tuple[Expr, ...]]
@@ -68,7 +70,8 @@ class Bias:
         Cause → the mean of x̃ per axis it leaves, in closed form: ``"source"`` −S(0) r, left by an
         axis without a pole at 0 (an unstable pole); ``"force"``, G/(1 + L) d, left by a constant
         force at the input; ``"ramp"``, left by a source of constant velocity; ``"asymmetry"``,
-        left by the field's odd derivatives (a number where the average is taken by quadrature).
+        left by the field's odd derivatives. Numbers instead where the closed form would be too long
+        to read, and for an asymmetry that is taken by quadrature.
     growth
         Per axis how fast x̃ grows (m/s), where a ramping source cannot be followed; else zeros.
     tracking
@@ -129,27 +132,33 @@ def bias(loop: Loop) -> Bias:
     """
     gain = loop_gain(loop)
     frame = gain.frame
-    laws, growth = _static(frame.equations, frame.loop.twin)
+    balance = _balance(frame.equations, frame.loop.twin)
+    laws, growth = _closed(balance) if balance.short else _solved(balance, frame)
     if averaged(frame.equations, 1).moments is not None:
         laws = {**laws, **_left_over(loop, Bias(frame, laws, growth, ()))}
     return Bias(frame, laws, growth, _tracking(gain))
 
 
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """P(0) x̃ = the sum of all causes, and P(0) x̃̇ = what a ramp leaves to grow."""
+
+    matrix: Any
+    causes: dict[str, Any]
+    growing: Any
+
+    @property
+    def short(self) -> bool:
+        """Whether its solution can be read, and be found in a moment."""
+        counts = [[len(summands(e)) if e != 0 else 0 for e in row] for row in self.matrix.tolist()]
+        return permanent(counts, MAX_TERMS) < MAX_TERMS
+
+
 @lru_cache(maxsize=256)
-def _static(equations: Relative, twin: Loop) -> tuple[Laws, tuple[Expr, ...]]:
+def _balance(equations: Relative, twin: Loop) -> _Balance:
     parts = linear(equations, twin)
     below, above = sympy.diag(*parts.below), sympy.diag(*parts.above).subs(s, 0)
     still, slope = below.subs(s, 0), below.diff(s).subs(s, 0)
-    matrix: Any = still + above * parts.sensor
-    determinant = sympy.factor(matrix.det())
-    if determinant == 0:
-        raise InvalidDescription(
-            "controller",
-            "does not hold the mean anywhere, det(I + L(0)) = 0: the field is flat, the "
-            "demodulation is singular (two axes share a frequency and a phase), or C or G has a "
-            "zero at s = 0",
-        )
-    inverse = matrix.adjugate() / determinant
     velocity = sympy.Matrix([mean_of(r.diff(time)) for r in equations.source])
     pushing = [
         polynomial(g.numerator) * polynomial(c.denominator)
@@ -162,13 +171,49 @@ def _static(equations: Relative, twin: Loop) -> tuple[Laws, tuple[Expr, ...]]:
         "ramp": -slope * velocity,
         "asymmetry": above * sympy.Matrix(_asymmetry(equations, twin)),
     }
-    laws = {cause: _simplified(inverse * side) for cause, side in causes.items()}
-    growth = _simplified(-inverse * still * velocity)
-    return {cause: law for cause, law in laws.items() if any(e != 0 for e in law)}, growth
+    present = {cause: side for cause, side in causes.items() if not side.is_zero_matrix}
+    return _Balance(still + above * parts.sensor, present, -still * velocity)
 
 
-def _simplified(column: Any) -> tuple[Expr, ...]:
-    return tuple(sympy.factor(sympy.cancel(e)) for e in column)  # pyright: ignore[reportReturnType]
+@lru_cache(maxsize=256)
+def _closed(balance: _Balance) -> tuple[Laws, tuple[Expr, ...]]:
+    determinant = sympy.factor(balance.matrix.det())
+    if determinant == 0:
+        raise _nowhere()
+    inverse = balance.matrix.adjugate() / determinant
+
+    def solved(side: Any) -> tuple[Expr, ...]:
+        return tuple((inverse * side).applyfunc(lambda e: sympy.factor(sympy.cancel(e))))
+
+    laws = {cause: solved(side) for cause, side in balance.causes.items()}
+    return laws, solved(balance.growing)
+
+
+def _solved(balance: _Balance, frame: Frame) -> tuple[Laws, tuple[Expr, ...]]:
+    """Return the same in numbers."""
+
+    def number(part: Any) -> Vector:
+        flat = evaluated(tuple(part.flat()), frame.system)(frame.values)
+        return np.array(flat).reshape(part.shape)
+
+    matrix = number(balance.matrix)
+    if np.linalg.matrix_rank(matrix) < len(matrix):
+        raise _nowhere()
+
+    def solved(side: Any) -> tuple[Expr, ...]:
+        found = np.linalg.solve(matrix, number(side)[:, 0])
+        return tuple(sympy.Float(float(x)) if x else sympy.Integer(0) for x in found)
+
+    laws = {cause: solved(side) for cause, side in balance.causes.items()}
+    return laws, solved(balance.growing)
+
+
+def _nowhere() -> InvalidDescription:
+    return InvalidDescription(
+        "controller",
+        "does not hold the mean anywhere, det(I + L(0)) = 0: the field is flat, the demodulation "
+        "is singular (two axes share a frequency and a phase), or C or G has a zero at s = 0",
+    )
 
 
 def _asymmetry(equations: Relative, twin: Loop) -> list[Expr]:

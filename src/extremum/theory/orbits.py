@@ -133,6 +133,25 @@ class Orbit:
         low, high = self._extremes
         return float(low[0]), float(high[0])
 
+    def text(self) -> str:
+        """Return what the orbit is like, or why there is none, as text."""
+        if self.closed is None:
+            return "\n".join([f"no periodic orbit: {self.outcome}", *self.notes])
+        low, high = self.J_range
+        places = [_listed(v) for v in (self.mean, self.offset, self.amplitude)]
+        return "\n".join(
+            [
+                f"periodic orbit of period {self.period:.7g} s, "
+                f"{'stable' if self.stable else 'not stable'}",
+                f"mean position {places[0]} m, offset {places[1]} m, amplitude {places[2]} m",
+                f"J has mean {self.J_mean:.7g} and lies in {low:.7g} … {high:.7g}",
+                f"Floquet exponents {_listed(self.exponents)} 1/s",
+                *self.notes,
+            ]
+        )
+
+    __str__ = text
+
     def harmonic(self, frequency: float) -> Complex:
         """Return x̃'s component at a frequency: x̃ = … + Re(a e^{jΩt}), (axes,) complex (m).
 
@@ -281,6 +300,10 @@ def _lost(part: float) -> str:
     if not part:
         return "Newton's method finds no orbit, not even about the source at rest"
     return f"the orbit could be followed up to {part:.3g} of the source's excursion only"
+
+
+def _listed(numbers: Vector | Complex) -> str:
+    return "(" + ", ".join(f"{x:.5g}" for x in np.real_if_close(numbers).tolist()) + ")"
 
 
 # --- spectra ----------------------------------------------------------------------------------

@@ -149,18 +149,16 @@ def hurwitz_determinant(coefficients: Sequence[float], order: int) -> tuple[floa
 def permanent(rows: Sequence[Sequence[float]], enough: float = math.inf) -> float:
     """Return the sum of all products of one entry ≥ 0 from each row and column.
 
-    The sum is broken off, and what is reached returned, once the products of the first rows
-    exceed `enough`. Row by row over sets of used columns; few sets matter in a banded matrix.
+    Row by row over the sets of used columns, of which a banded matrix has few. The sum is broken
+    off, and what is reached returned, once the products of the first rows exceed `enough`.
     """
-    last = {j: i for i, row in enumerate(rows) for j, entry in enumerate(row) if entry}
     products: dict[int, float] = {0: 1}
-    for i, row in enumerate(rows):
-        over = sum(1 << j for j, end in last.items() if end == i)
+    for row in rows:
         longer: dict[int, float] = {}
         for used, product in products.items():
             for j, entry in enumerate(row):
                 key = used | 1 << j
-                if entry and key != used and key & over == over:
+                if entry and key != used:
                     longer[key] = longer.get(key, 0) + product * entry
         products = longer
         if sum(products.values()) > enough:
