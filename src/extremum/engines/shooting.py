@@ -88,11 +88,7 @@ class _Problem:
     ) -> None:
         self.system, self.values = system, list(values)
         self.times = period * np.arange(len(nodes) + 1) / len(nodes)
-        rates = [
-            system.rates(time, node, self.values)
-            for time, node in zip(self.times.tolist(), nodes.tolist(), strict=False)
-        ]
-        self.sizes = np.abs(np.array(rates)).max(axis=0) * period / len(nodes)
+        self.sizes = np.zeros(nodes.shape[1])
 
     def size(self, step: Vector) -> float:
         """Return a correction's largest entry, each divided by how large its state is."""
@@ -101,8 +97,10 @@ class _Problem:
         return float((np.abs(step) / weights).max())
 
     def learn(self, trial: _Trial) -> None:
-        seen = np.abs(np.concatenate([trial.nodes, trial.nodes + trial.step])).max(axis=0)
-        self.sizes = np.maximum(self.sizes, seen)
+        """Take note of how large the states are at the nodes, and how far they go between them."""
+        ends = np.roll(trial.nodes, -1, axis=0) + trial.gaps
+        seen = [trial.nodes, trial.nodes + trial.step, ends - trial.nodes]
+        self.sizes = np.maximum(self.sizes, np.abs(np.concatenate(seen)).max(axis=0))
 
     def evaluate(self, nodes: Vector) -> _Trial | str:
         found = flow.transitions(self.system, self.values, nodes, self.times)

@@ -248,7 +248,7 @@ def _solutions(polynomials: Sequence[Any], indices: tuple[int, ...], ring: PolyR
         candidates = _joint_eigenvalues_precisely(matrices)
     found = numeric.distinct([numeric.polished(start) for start in candidates.real])
     centred = [numeric.centred(point, candidates) for point in found]
-    return [point * units for point in centred]
+    return [np.where(abs(point) <= ZERO, 0.0, point) * units for point in centred]
 
 
 def _undetermined(free: Sequence[Any]) -> InvalidDescription:

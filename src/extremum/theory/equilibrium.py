@@ -62,15 +62,21 @@ def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
         counts = [[len(summands(e)) if e != 0 else 0 for e in row] for row in matrix.tolist()]
         if permanent(counts, MAX_TERMS) >= MAX_TERMS:
             return None
-        determinant = sympy.factor(matrix.det())
+        determinant = sympy.expand(matrix.det())
         if determinant == 0:
             return None
         solved = -matrix.adjugate() * constant
         for x, e in zip(group, solved, strict=True):
-            law: Any = sympy.factor(sympy.cancel(e / determinant))
-            known[x] = law
+            known[x] = quotient(e, determinant)
             del pending[x]
     return {x: known[x] for x in states}
+
+
+def quotient(numerator: Any, determinant: Any) -> Any:
+    """Return a quotient in lowest terms, or as it is where that would take long."""
+    size = len(summands(numerator)) * len(summands(determinant))
+    whole = numerator / determinant
+    return sympy.factor(sympy.cancel(whole)) if size <= MAX_TERMS else whole
 
 
 @lru_cache(maxsize=256)

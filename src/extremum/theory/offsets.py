@@ -28,7 +28,7 @@ from ..symbols import t as time
 from .averaged import averaged
 from .averaging import average
 from .demodulation import gradient
-from .equilibrium import MAX_TERMS, mean_of
+from .equilibrium import MAX_TERMS, mean_of, quotient
 from .fourier import series, turned
 from .frame import Frame, Relative, evaluated
 from .hurwitz import summands
@@ -177,13 +177,13 @@ def _balance(equations: Relative, twin: Loop) -> _Balance:
 
 @lru_cache(maxsize=256)
 def _closed(balance: _Balance) -> tuple[Laws, tuple[Expr, ...]]:
-    determinant = sympy.factor(balance.matrix.det())
+    determinant = sympy.expand(balance.matrix.det())
     if determinant == 0:
         raise _nowhere()
-    inverse = balance.matrix.adjugate() / determinant
+    adjugate = balance.matrix.adjugate()
 
     def solved(side: Any) -> tuple[Expr, ...]:
-        return tuple((inverse * side).applyfunc(lambda e: sympy.factor(sympy.cancel(e))))
+        return tuple(quotient(e, determinant) for e in adjugate * side)
 
     laws = {cause: solved(side) for cause, side in balance.causes.items()}
     return laws, solved(balance.growing)
