@@ -1,6 +1,7 @@
 """Fourier series of trigonometric polynomials against NumPy's transform of their samples."""
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def test_phases_are_turned_into_sines_and_cosines_and_back():
     found = turned(expression, (o,))
     assert not found.has(sympy.sin(OMEGA * t + phi))
     assert found.has(sympy.sin(3 * t))
-    numbers = {OMEGA: 1.7, phi: 0.4, t: 0.9}
+    numbers: Any = {OMEGA: 1.7, phi: 0.4, t: 0.9}
     back = unturned(found, (o,))
     assert float(back.subs(numbers)) == pytest.approx(float(expression.subs(numbers)), abs=1e-14)
 

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy
+from loops import force_actuated, velocity_actuated
 
 import extremum as es
-from extremum import pi, s
+from extremum import s
 from extremum.engines import reference
 from extremum.papers.zhang2007 import scenario
 from extremum.theory.frame import relative
-
-from loops import force_actuated, velocity_actuated
 
 
 def third_order() -> es.Loop:

@@ -1,4 +1,4 @@
-"""Loop gains and static errors: closed forms by hand, python-control, and the exact orbit's mean."""
+"""Loop gains and static errors: closed forms by hand, python-control, the exact orbit's mean."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_one_formula_behind_all_three_schemes() -> None:
     for loop in (velocity_actuated(), force_actuated(), scenario("unstable").loop):
         gain = loop_gain(loop)
         assert gain.axes is not None
-        twin = loop.twin
+        twin: Any = loop.twin
         for i, (law, q) in enumerate(zip(gain.axes, twin.field.q, strict=True)):
             channel = twin.controller.channels[i]
             wanted = channel.dither.amplitude * channel.gain * q
@@ -39,7 +39,7 @@ def test_one_formula_behind_all_three_schemes() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_its_closed_loop_poles_are_the_averaged_eigenvalues(name: str) -> None:
-    loop = scenario(name).loop
+    loop: Any = scenario(name).loop
     numbers = loop_gain(loop).numbers
     poles = sympy.Integer(1)  # of G and C, which det(I + L) has below
     for axis, channel in zip(loop.vehicle.axes, loop.controller.channels, strict=True):
@@ -56,8 +56,7 @@ def test_coupled_axes_give_a_matrix() -> None:
     gain = loop_gain(scenario("nondiagonal").loop)
     assert gain.axes is None
     assert gain.matrix.shape == (2, 2)
-    q = np.array([[1, 0.4], [0.4, 0.5]])
-    loop = scenario("nondiagonal").loop
+    loop: Any = scenario("nondiagonal").loop
     c, a = loop.controller.channels[0].gain, loop.controller.channels[0].dither.amplitude
     q = np.array(loop.field.q)
     assert gain.at(0.7) == pytest.approx(a * c * q / 0.7j)
