@@ -17,7 +17,7 @@ from .loop import Loop
 from .scenario import Run, Scenario, format_scenario
 from .symbols import axis_names
 from .system import System
-from .validation import number
+from .validation import positive
 
 if TYPE_CHECKING:
     import xarray
@@ -85,7 +85,7 @@ def simulate(
     if not isinstance(loop, Loop):
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
     times = _times(loop, t_end, samples)
-    tol, t_end = _checked("tol", tol), _checked("t_end", t_end)
+    tol, t_end = positive("tol", tol), positive("t_end", t_end)
     if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
     system, values = loop.system, loop.values.tolist()
@@ -122,9 +122,7 @@ def simulate(
 
 
 def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
-    end = _checked("t_end", t_end)
-    if end <= 0:
-        raise InvalidDescription("t_end", "must be a finite number greater than 0", shown(t_end))
+    end = positive("t_end", t_end)
     if samples is None:
         period = loop.system.fastest_period(loop.values.tolist()) or np.inf
         samples = max(MIN_SAMPLES, math.ceil(SAMPLES_PER_PERIOD * end / period) + 1)
@@ -166,13 +164,6 @@ def _dense(
     fraction = (np.arange(first[-1]) - np.repeat(first[:-1], parts)) / np.repeat(parts, parts)
     inside = np.repeat(times[:-1], parts) + fraction * np.repeat(gaps, parts)
     return np.append(inside, times[-1]), first
-
-
-def _checked(name: str, given: Any) -> float:
-    try:
-        return number(given)
-    except InvalidDescription as error:
-        raise error.within(name) from None
 
 
 def _engine(system: System, engine: str | None) -> str:

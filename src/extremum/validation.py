@@ -75,6 +75,17 @@ def number(given: Any) -> float:
     return result
 
 
+def positive(name: str, given: Any) -> float:
+    """Return a finite float greater than 0; a refusal names the argument."""
+    try:
+        result = number(given)
+    except InvalidDescription as error:
+        raise error.within(name) from None
+    if result <= 0:
+        raise InvalidDescription(name, "must be a finite number greater than 0", shown(given))
+    return result
+
+
 def _scalar(given: Any, meta: Meta) -> float:
     result = number(given)
     if meta.positive and result <= 0:

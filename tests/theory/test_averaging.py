@@ -62,7 +62,8 @@ def test_equations_13_and_14() -> None:
     assert law["xtilde"] == law["ytilde"] == 0
     assert same(law["e"], -(a**2 * qx + b**2 * qy) / 2)
     wanted = sympy.diag(-a * cx * qx, -b * cy * qy, -h)
-    assert all(same(ours, theirs) for ours, theirs in zip(found.jacobian.flat(), wanted.flat(), strict=True))
+    pairs = zip(found.jacobian.flat(), wanted.flat(), strict=True)
+    assert all(same(ours, theirs) for ours, theirs in pairs)
 
 
 def test_the_corrected_24_to_28_and_31() -> None:
@@ -244,7 +245,7 @@ def test_the_second_order_halves_twice(name: str) -> None:
 
 
 def test_the_second_order_knows_the_washouts_phase() -> None:
-    """Two equal axes: eigenvalues −g e^{±jδ}, δ = h/ω to the second order."""
+    """Two equal axes: eigenvalues −g ± jg δ, δ = (h + αcq/2)/ω to the second order."""
     loop = velocity_actuated(**{"field.q": (1.0, 1.0), "controller.frequency": 200})
     found = average(loop, order=2).eigenvalues
     orbit = periodic_orbit(loop).exponents
@@ -374,6 +375,12 @@ def test_a_near_collision_is_kept_as_a_slow_forcing() -> None:
     blind = average(apart(Fraction(3, 2)).replace({"start": (0.1, 0.1)}))
     missed = run.position.values - dither - blind.simulate(12.0, samples=1201).offset.values
     assert error < 0.2 * np.abs(missed).max()
+
+
+@pytest.mark.parametrize("t_end", [-1.0, 0, float("nan"), "x"])
+def test_a_path_takes_a_positive_time(t_end: Any) -> None:
+    with pytest.raises(es.InvalidDescription, match="t_end"):
+        average(velocity_actuated()).simulate(t_end)
 
 
 def test_orders_other_than_one_and_two_are_refused() -> None:

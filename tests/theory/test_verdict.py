@@ -81,6 +81,27 @@ def test_where_averaging_should_not_be_trusted() -> None:
     assert said(pulled, f"|x̃|/ω = {10 * 1.25 / 30:.2g} at the equilibrium")
 
 
+def test_a_limit_that_says_little_is_named() -> None:
+    """Erratum 2's loop: −0.793 on average, −0.529 at ω = 1600 (trap 5)."""
+    loop = scenario("fig7").loop.replace(
+        {
+            **{f"vehicle.axes.{i}.parameters.epsilon": 0.5 for i in (0, 1)},
+            **{f"controller.channels.{i}.compensator": es.Lead(4, -3, -2.5) for i in (0, 1)},
+            "controller.frequency": 1600,
+        }
+    )
+    assert said(stability(loop), "(-0.7929 1/s) is far from the exact one (-0.528")
+    assert not said(stability(force_actuated()), "far from the exact one")
+
+
+def test_a_curvature_that_changes_with_time_is_that_at_the_start() -> None:
+    fading = velocity_actuated(field=es.Expression("-exp(-t)*x**2 - y**2"), start=(0.1, 0.1))
+    verdict = stability(fading)
+    assert verdict.average.hessian == pytest.approx(np.diag([-2, -2]))
+    assert not verdict.stable  # no orbit: nothing repeats
+    assert said(verdict, "The field changes with time")
+
+
 def test_an_indefinite_hessian_is_unstable_and_says_where_to() -> None:
     saddle = velocity_actuated(field=es.Quadratic((0, 0), ((1.0, 1.5), (1.5, 1.0))))
     verdict = stability(saddle)

@@ -14,9 +14,11 @@ from sympy import Expr, ImmutableMatrix, Symbol
 from ..engines.trajectory import UNDEFINED
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
+from ..printing import symbol_text
 from ..symbols import substituted
 from ..symbols import t as time
 from ..system import System
+from ..validation import positive
 from . import averaged as equations
 from .averaged import Averaged
 from .collisions import Resonance, resonances_of
@@ -211,6 +213,13 @@ class Average:
         flat = evaluated(tuple(self.demodulation_law.flat()), self.system)(self.values)
         return np.array(flat, dtype=float).reshape(self.demodulation_law.shape)
 
+    @cached_property
+    def demodulation_limit(self) -> Vector:
+        """M as ω → ∞, in which the washout passes the dither unchanged (m), (channels, axes)."""
+        law = demodulation(self.frame.equations, self.frame.loop.twin, limit=True)
+        flat = evaluated(tuple(law.flat()), self.system)(self.values)
+        return np.array(flat, dtype=float).reshape(law.shape)
+
     def simulate(self, t_end: float, *, samples: int = 2000, tol: float = 1e-10) -> xarray.Dataset:
         """Integrate the averaged equations from the loop's own start, to draw over the true path.
 
@@ -220,7 +229,7 @@ class Average:
             ``position(time, axis)`` (m), the dither left out; ``offset(time, axis)`` = x̃ (m); every
             state; ``attrs["outcome"]`` as in `simulate`.
         """
-        return path(self.system, self.values, t_end, samples, tol)
+        return path(self.system, self.values, positive("t_end", t_end), samples, tol)
 
     def text(self) -> str:
         """Return equations, equilibrium, characteristic polynomial and conditions as text."""
@@ -230,6 +239,8 @@ class Average:
 
     def __str__(self) -> str:
         return self.text()
+
+    __repr__ = __str__
 
     def latex(self) -> str:
         """Return the averaged equations in τ as a LaTeX ``aligned`` environment."""
@@ -287,7 +298,8 @@ def _symbols(averaged: Averaged) -> tuple[list[Symbol], list[list[Symbol]]]:
         return [], []
     means = [moment.symbol for moment in averaged.moments.wanted]
     inner = averaged.moments.arguments[: averaged.moments.inner]
-    return means, [[Symbol(f"d{m}/d{x}", real=True) for x in inner] for m in means]
+    names = [symbol_text(x.name) for x in inner]
+    return means, [[Symbol(f"∂{m}/∂{name}", real=True) for name in names] for m in means]
 
 
 @lru_cache(maxsize=256)

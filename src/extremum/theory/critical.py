@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
-from ..validation import number
+from ..validation import positive
 from . import branch
 from .averaging import average
 from .branch import Branch, Point
@@ -110,7 +110,7 @@ class Critical:
             lines.append(self.outcome)
         return "\n".join([*lines, *self._beyond(), *self.notes])
 
-    __str__ = text
+    __str__ = __repr__ = text
 
     def _beyond(self) -> Iterator[str]:
         if self.agreement is None:
@@ -162,7 +162,7 @@ def critical_frequency(loop: Loop, low: float, high: float) -> Critical:
     """
     if not isinstance(loop, Loop):
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
-    low, high = _frequency("low", low), _frequency("high", high)
+    low, high = positive("low", low), positive("high", high)
     if low >= high:
         raise InvalidDescription("high", f"must be greater than low = {low:g}", shown(high))
     top = loop.replace(branch.changes(loop, high))
@@ -204,16 +204,6 @@ def critical_frequency(loop: Loop, low: float, high: float) -> Critical:
         leading=np.array([p.leading for p in reversed(points)]),
         notes=frame.notes,
     )
-
-
-def _frequency(name: str, given: Any) -> float:
-    try:
-        value = number(given)
-    except InvalidDescription as error:
-        raise error.within(name) from None
-    if not (math.isfinite(value) and value > 0):
-        raise InvalidDescription(name, "must be a finite frequency greater than 0", shown(given))
-    return value
 
 
 def _height(point: Point) -> float:

@@ -388,9 +388,9 @@ def _settled(rate: Expr, dithers: Sequence[Oscillator], system: System) -> Expr:
 
 
 def _hessian(twin: Loop, source: Sequence[Expr]) -> sympy.ImmutableMatrix:
-    """Return ∂²J/∂p² at the source."""
+    """Return ∂²J/∂p² at the source, at t = 0 if it changes."""
     steps = [sympy.Dummy(real=True) for _ in source]
     law = twin.field.law([r + d for r, d in zip(source, steps, strict=True)])
-    here = dict.fromkeys(steps, sympy.Integer(0))
+    here = dict.fromkeys((*steps, time), sympy.Integer(0))
     entries = sympy.hessian(law, steps).applyfunc(lambda e: sympy.simplify(e.subs(here)))
     return sympy.ImmutableMatrix(entries)

@@ -184,7 +184,7 @@ def factored(expression: Any) -> Expr:
     Sums that share no letter, such as g − ε − p, are left as they are.
     """
     product = sympy.factor_terms(expression)
-    factors = Mul.make_args(product)
+    factors: Any = Mul.make_args(product)
     if any(f.free_symbols and not f.is_Add for f in factors) and not product.atoms(sympy.Float):
         short = [f.is_Add and len(f.args) <= MAX_FACTORED for f in factors]
         factors = [sympy.factor(f) if s else f for f, s in zip(factors, short, strict=True)]

@@ -133,9 +133,11 @@ class LoopGain:
             *aligned([(n, expression_text(e)) for n, e in rows]),
         ]
         lines += [
-            f"  hidden on {axis}: {pole:.6g} 1/s is a pole and a zero" for axis, pole in self.hidden
+            f"  hidden on {a}: {pole_text(p)} 1/s is a pole and a zero" for a, p in self.hidden
         ]
         return "\n".join(lines)
+
+    __repr__ = __str__
 
     def _repr_latex_(self) -> str:
         law = self.matrix if self.axes is None else sympy.Matrix(self.axes)
@@ -197,6 +199,12 @@ def hidden_modes(frame: Frame) -> tuple[tuple[str, complex], ...]:
             if shared.has(s):
                 found += [(name, complex(root)) for root in sympy.Poly(shared, s).nroots()]
     return tuple(found)
+
+
+def pole_text(pole: complex) -> str:
+    """Return a pole as it is read, real where its imaginary part is rounding."""
+    real = abs(pole.imag) <= 1e-9 * abs(pole)
+    return f"{pole.real:.6g}" if real else f"{pole.real:.6g} {pole.imag:+.6g}j"
 
 
 def polynomial(coefficients: Sequence[Expr]) -> Expr:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from ..engines import flow
 from ..errors import InvalidDescription, shown
 from ..loop import Loop
-from ..validation import number
+from ..validation import positive
 from . import floquet
 from .averaging import average
 
@@ -45,6 +44,15 @@ class Lyapunov:
     window: float
     state: Vector
 
+    def text(self) -> str:
+        """Return the exponents, or why there are none, as text."""
+        if not len(self.exponents):
+            return f"no Lyapunov exponents: the loop {self.outcome} within {self.window:g} s"
+        listed = ", ".join(f"{x:.6g}" for x in self.exponents)
+        return f"Lyapunov exponents {listed} 1/s over {self.window:g} s, ± {self.uncertainty:.2g}"
+
+    __str__ = __repr__ = text
+
     @property
     def stable(self) -> bool:
         """Whether every exponent is negative by more than the uncertainty."""
@@ -74,8 +82,8 @@ def lyapunov(loop: Loop, window: float, *, transient: float | None = None) -> Ly
     """
     if not isinstance(loop, Loop):
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
-    window = _positive("window", window)
-    transient = window / 3 if transient is None else _positive("transient", transient)
+    window = positive("window", window)
+    transient = window / 3 if transient is None else positive("transient", transient)
     predicted = average(loop)
     frame = predicted.frame
     system, values = frame.system, frame.values
@@ -98,13 +106,3 @@ def lyapunov(loop: Loop, window: float, *, transient: float | None = None) -> Ly
     order = np.argsort(-found, kind="stable")
     spread = float(np.abs(first - second).max())
     return Lyapunov(flow.COMPLETED, found[order], spread, transient, window, state)
-
-
-def _positive(name: str, given: Any) -> float:
-    try:
-        value = number(given)
-    except InvalidDescription as error:
-        raise error.within(name) from None
-    if not (math.isfinite(value) and value > 0):
-        raise InvalidDescription(name, "must be a finite time greater than 0", shown(given))
-    return value

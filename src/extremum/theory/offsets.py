@@ -103,8 +103,8 @@ class Bias:
         lines = ["Static error of the mean, x̃ = position − source"]
         for cause, law in self.laws.items():
             for i, (name, e) in enumerate(zip(names, law, strict=True)):
-                if e != 0:
-                    value = self.parts[cause][i]
+                value = self.parts[cause][i]
+                if value != 0:
                     stated = "" if e.is_number else f" = {expression_text(e)}"
                     lines.append(f"  {name}{stated} = {value:.6g} m ({cause})")
         for name, e in zip(names, self.growth, strict=True):
@@ -115,6 +115,8 @@ class Bias:
             told = ", ".join(f"|{name}| = {abs(e):.6g} m" for name, e in errors if e)
             lines.append(f"  at {swing.frequency:.6g} rad/s: {told} (tracking, −S(jω) r)")
         return "\n".join(lines) if len(lines) > 1 else f"{lines[0]}: none"
+
+    __repr__ = __str__
 
 
 def bias(loop: Loop) -> Bias:

@@ -150,7 +150,7 @@ class Orbit:
             ]
         )
 
-    __str__ = text
+    __str__ = __repr__ = text
 
     def harmonic(self, frequency: float) -> Complex:
         """Return x̃'s component at a frequency: x̃ = … + Re(a e^{jΩt}), (axes,) complex (m).
@@ -163,6 +163,8 @@ class Orbit:
         frequency
             Ω (rad/s), a multiple of `frequency`.
         """
+        if self.closed is None:
+            return np.full(len(self.frame.equations.dither), np.nan, dtype=complex)
         times, outputs = self._samples
         waves = np.exp(-1j * frequency * times)
         return np.asarray(2 / len(times) * (waves @ outputs["offset"]), dtype=complex)

@@ -14,7 +14,7 @@ from ..symbols import axis_names, s
 from .collisions import coupling
 from .demodulation import gradient
 from .frame import evaluated
-from .linear import hidden_modes
+from .linear import hidden_modes, pole_text
 
 if TYPE_CHECKING:
     from .verdict import Verdict
@@ -25,6 +25,9 @@ SLOW: Final = 0.1
 PULL: Final = 0.05
 """ρ = c |C(∞)| q |x̃|/ω above which averaging is warned of."""
 
+FAR: Final = 0.2
+"""Relative distance of the slowest averaged mode from the exact one that is said."""
+
 FLAT: Final = 1e-9
 
 
@@ -34,6 +37,7 @@ def remarks(verdict: Verdict) -> tuple[str, ...]:
         *_disagreements(verdict),
         *_shape(verdict),
         *_trust(verdict),
+        *_distances(verdict),
         *_hidden(verdict),
         *_collisions(verdict),
         *(f"{note[0].upper()}{note[1:]}." for note in verdict.orbit.notes),
@@ -67,6 +71,18 @@ def _disagreements(verdict: Verdict) -> Iterator[str]:
             f"Averaging says {_word(averaged_.stable)} ({averaged_.rate:+.4g} 1/s), the exact "
             f"orbit {_word(exact.stable)} ({exact.rate:+.4g} 1/s): ω is too low for the average, "
             "or the loop is too near to the boundary."
+        )
+
+
+def _distances(verdict: Verdict) -> Iterator[str]:
+    """Say where the average is far from the exact modes although the verdicts agree."""
+    pairs, (_, _, averaged, exact) = verdict.modes, verdict.evidence
+    if pairs is None or averaged.stable != exact.stable:
+        return
+    if abs(averaged.rate - exact.rate) > FAR * abs(exact.rate):
+        yield (
+            f"The averaged loop's slowest mode ({averaged.rate:+.4g} 1/s) is far from the exact "
+            f"one ({exact.rate:+.4g} 1/s): at this ω the limit says little about how fast it is."
         )
 
 
@@ -132,13 +148,14 @@ def _hidden(verdict: Verdict) -> Iterator[str]:
     for axis, pole in hidden_modes(verdict.average.frame):
         kind = "unstable" if pole.real >= 0 else "stable"
         yield (
-            f"On {axis} a zero of C cancels a pole of G, or the reverse, at {_number(pole)} 1/s: "
+            f"On {axis} a zero of C cancels a pole of G, or the reverse, at {pole_text(pole)} 1/s: "
             f"that mode is hidden from the loop, and it is {kind}."
         )
 
 
-def _number(pole: complex) -> str:
-    return f"{pole.real:.6g}" if abs(pole.imag) < FLAT * abs(pole) else f"{pole:.6g}"
+def _separate(demodulation: NDArray[np.float64]) -> bool:
+    beside = demodulation - np.diag(np.diag(demodulation))
+    return bool(np.abs(beside).max() <= FLAT * np.abs(demodulation).max())
 
 
 def _collisions(verdict: Verdict) -> Iterator[str]:
@@ -153,7 +170,7 @@ def _collisions(verdict: Verdict) -> Iterator[str]:
                 f"d{symbol_text(x.name)}/dt gains {expression_text(e)}" for x, e in added.items()
             )
             yield f"Frequencies collide ({told}), which couples the axes at every ω: {terms}."
-        elif not model.exact:
+        elif not model.exact and not _separate(model.demodulation_limit):
             yield f"Frequencies collide ({told}); what that couples is in the average."
     slow = [r for r in found if r.frequency > 0]
     if slow:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ..printing import expression_text
 
@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from .conditions import Condition
+    from .orbits import Orbit
     from .verdict import Evidence, Verdict
 
-WIDTH = 118
+WIDTH: Final = 118
+ROUNDING: Final = 1e-10
 
 
 def text(verdict: Verdict) -> str:
@@ -37,13 +39,14 @@ def rendered(verdict: Verdict) -> RenderableType:
     colour = "green" if verdict.stable else "red"
     told = (
         f": largest Floquet exponent {orbit.exponents[0].real:+.6g} 1/s, orbit of period "
-        f"{orbit.period:.6g} s, mean offset from the source ({_row(orbit.offset)}) m"
+        f"{orbit.period:.6g} s, mean offset from the source ({_row(orbit)}) m"
         if orbit.found
         else ""
     )
     table = Table(show_lines=False, pad_edge=False, expand=False)
-    for column in verdict.evidence:
-        table.add_column(column.title, vertical="top", overflow="fold")
+    for index, column in enumerate(verdict.evidence):
+        listed = index > 1 and len(column.modes) > 0  # modes stand side by side, line by line
+        table.add_column(column.title, vertical="top", overflow="fold", no_wrap=listed)
     table.add_row(*(_verdict(column) for column in verdict.evidence))
     table.add_row(*(_rate(column) for column in verdict.evidence), end_section=True)
     printed, corrected, *_ = verdict.evidence
@@ -122,8 +125,10 @@ def _shown(mode: complex) -> str:
     return f"{mode.real:+.6f}" + (f" {mode.imag:+.6f}j" if abs(mode.imag) > 1e-12 else "")
 
 
-def _row(vector: Any) -> str:
-    return ", ".join(f"{x:.4g}" for x in vector)
+def _row(orbit: Orbit) -> str:
+    """Return the mean offset per axis, 0 where it is rounding."""
+    rounding = ROUNDING * float(orbit.amplitude.max())
+    return ", ".join(f"{x:.4g}" if abs(x) > rounding else "0" for x in orbit.offset)
 
 
 def _complex(mode: Any) -> list[float]:

@@ -143,6 +143,8 @@ class Verdict:
     def __str__(self) -> str:
         return self.text()
 
+    __repr__ = __str__
+
     def data(self) -> dict[str, Any]:
         """Return the verdict as plain lists, numbers and text, ready for JSON."""
         from .table import data

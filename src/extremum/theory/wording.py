@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import sympy
 from sympy import Expr, Symbol
@@ -24,6 +24,10 @@ from .moments import Moment
 
 if TYPE_CHECKING:
     from .averaging import Average
+    from .conditions import Condition
+
+WIDEST: Final = 100
+"""Characters beyond which a condition is named by its coefficients, not written out."""
 
 
 @lru_cache(maxsize=256)
@@ -165,8 +169,13 @@ def _power(power: int) -> str:
     return "" if power == 0 else "λ" if power == 1 else "λ" + str(power).translate(SUPERSCRIPTS)
 
 
+def _stated(condition: Condition) -> str:
+    stated = condition.text()
+    return stated if len(stated) <= WIDEST else f"{condition.name} > 0"
+
+
 def _conditions(average: Average) -> list[str]:
-    rows = [(c.text(), f"{c.value:.6g}", f"{c.margin:+.2f}", c.holds) for c in average.conditions]
+    rows = [(_stated(c), f"{c.value:.6g}", f"{c.margin:+.2f}", c.holds) for c in average.conditions]
     if not rows:
         return ["  there is no equilibrium to speak of"]
     width = max(shown_width(left) for left, *_ in rows)
