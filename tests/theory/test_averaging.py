@@ -383,6 +383,43 @@ def test_a_path_takes_a_positive_time(t_end: Any) -> None:
         average(velocity_actuated()).simulate(t_end)
 
 
+def test_a_ratio_that_is_a_fraction_is_one_however_it_is_stated() -> None:
+    for first, second in ((2, 2.0), (2.0, 2), ("3/2", 1.5), (1, 1.0)):
+        for ratio in (first, second):
+            found = average(apart(ratio, float(pi / 2)))
+            assert found.frame.period() is not None
+        stated, floated = (average(apart(r, float(pi / 2))) for r in (first, second))
+        assert floated.offset == pytest.approx(stated.offset, abs=1e-15)
+        assert floated.eigenvalues == pytest.approx(stated.eigenvalues, abs=1e-15)
+
+
+def test_frequencies_in_hertz_have_a_common_period() -> None:
+    path = es.Circle(0.1, float(pi / 5))
+    moving = es.Moving(es.Quadratic((0, 0), (1, 0.5)), path)
+    loop = velocity_actuated(**{"field": moving, "controller.frequency": float(6 * pi)})
+    assert average(loop).frame.period() == (pytest.approx(10.0), 30)
+
+
+def test_the_mean_place_of_a_swinging_source() -> None:
+    """x* = 0.3 sin² t has the mean 0.15: ε x*/(g − ε) beside it."""
+    loop = velocity_actuated(
+        **{
+            "field": es.Moving(es.Quadratic((0, 0), (1, 0.5)), ("0.3*sin(t)**2", "0.3*exp(-t)")),
+            "vehicle.axes.0": 1 / (s - 0.1),
+        }
+    )
+    found = average(loop)
+    assert found.offset == pytest.approx([0.1 * 0.15 / 0.7, 0], abs=1e-12)
+    assert "more than a constant velocity and sines" in found.text()
+
+
+def test_a_continuum_of_equilibria_is_no_error() -> None:
+    ridge = es.Expression("1 - (x + y)**2 - (x + y)**4")
+    found = average(velocity_actuated(field=ridge, start=(0.1, 0.1)))
+    assert len(found.equilibria) == 1
+    assert not found.stable
+
+
 def test_orders_other_than_one_and_two_are_refused() -> None:
     with pytest.raises(es.InvalidDescription, match="order = 3: must be 1 or 2"):
         average(velocity_actuated(), order=3)

@@ -172,7 +172,6 @@ def test_a_moving_opaque_field_keeps_moving() -> None:
     field = es.Moving(es.Opaque(lambda p, t: float(-(p @ p))), es.Circle(1.0, 0.5))
     frame = relative(changed(field=field))
     assert isinstance(frame.loop.field, es.Moving)
-    assert frame.source_frequency() == 0.5
 
 
 def test_a_flat_field_rests_where_it_starts() -> None:

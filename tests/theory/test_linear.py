@@ -168,7 +168,7 @@ def test_asymmetry_by_quadrature_is_a_number() -> None:
     found = bias(loop)
     assert found.total == pytest.approx(average(loop).offset, abs=1e-15)
     assert found.total[0] > 1e-4
-    assert "(asymmetry)" in str(found)
+    assert "(nonlinearity)" in str(found)
 
 
 def test_no_static_error_is_said() -> None:
@@ -180,6 +180,10 @@ def test_a_loop_that_holds_the_mean_nowhere_is_refused() -> None:
     in_phase = velocity_actuated(**{"controller.channels.1.dither.phase": 0.0})
     with pytest.raises(es.InvalidDescription, match="does not hold the mean"):
         bias(in_phase)
+    with pytest.raises(es.InvalidDescription, match="a gain is 0"):
+        bias(velocity_actuated(**{"controller.channels.0.gain": 0.0}))
+    with pytest.raises(es.InvalidDescription, match="flat to second order"):
+        bias(velocity_actuated(field=es.Expression("-x**4 - y**2"), start=(0.0, 0.1)))
     with pytest.raises(es.InvalidDescription, match="zero at s = 0"):
         bias(velocity_actuated(**{"controller.channels.0.compensator": s / (s + 1)}))
 
@@ -199,6 +203,26 @@ def test_tracking_of_a_swinging_source_is_the_sensitivity() -> None:
         exact = periodic_orbit(quick).harmonic(swing.frequency)[axis]
         # cos ω_m t is Re[1 e^{jω_m t}]: amplitudes are compared with their phases
         assert exact == pytest.approx(swing.error[axis], rel=2e-3)
+
+
+def test_every_swing_of_a_path_is_tracked_by_itself() -> None:
+    """Also beside a ramp, and where the frequencies have nothing in common."""
+    still = es.Quadratic((0, 0), (1, 0.5))
+    ramped = bias(velocity_actuated(field=es.Moving(still, ("0.1*t + sin(0.2*t)", "0"))))
+    (swing,) = ramped.tracking
+    assert abs(swing.error[0]) == pytest.approx(abs(0.2j / (0.2j + 0.8)))
+    assert ramped.total == pytest.approx([-0.125, 0])
+    free = ("sin(0.2*t)", "cos(0.1*sqrt(2)*t)")
+    slow, fast = bias(velocity_actuated(field=es.Moving(still, free))).tracking
+    assert abs(fast.error) == pytest.approx([abs(0.2j / (0.2j + 0.8)), 0])
+    w = 0.1j * 2**0.5
+    assert abs(slow.error) == pytest.approx([0, abs(w / (w + 0.4))])
+
+
+def test_the_sensitivity_at_a_pole_of_the_loop_gain() -> None:
+    gain = loop_gain(velocity_actuated())
+    assert gain.sensitivity(0) == pytest.approx(np.zeros((2, 2)))
+    assert gain.sensitivity(0.3) == pytest.approx(np.linalg.inv(np.eye(2) + gain.at(0.3)))
 
 
 def test_a_turning_source_out_of_phase() -> None:

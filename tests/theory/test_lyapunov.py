@@ -49,3 +49,9 @@ def test_times_that_are_none_are_refused() -> None:
         assert refused.value.path == path
     with pytest.raises(es.InvalidDescription, match="must be a Loop"):
         lyapunov("fig4", 1.0)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("window", [1e-3, 1e7])
+def test_a_window_that_says_nothing_or_takes_for_ever_is_refused(window: float) -> None:
+    with pytest.raises(es.InvalidDescription, match=r"window = .*cycles of the fastest dither"):
+        es.lyapunov(velocity_actuated(), window)

@@ -158,7 +158,7 @@ def test_an_expression_that_changes_its_curvature_is_not_the_papers() -> None:
     field = es.Expression("-(2 + sin(t))*x**2 - y**2")
     found = recognise(single().replace({"field": field}))
     assert isinstance(found, NotThePapers)
-    assert "curvature changes with time" in found.reason
+    assert "The map changes with time" in found.reason
 
 
 # --- the conditions ---------------------------------------------------------------------------

@@ -120,7 +120,8 @@ def test_a_flat_field_is_not_stable() -> None:
     flat = velocity_actuated(field=es.Expression("1 - x**2 + 0*y"), start=(0.1, 0.1))
     verdict = stability(flat)
     assert not verdict.stable
-    assert said(verdict, "The field is flat along (x +0.000, y +1.000)")
+    assert said(verdict, "The field is flat to second order along (x +0.000, y +1.000)")
+    assert "not isolated" in verdict.orbit.outcome
     assert said(verdict, "0 to rounding")
 
 
@@ -173,6 +174,51 @@ def test_without_a_common_period_lyapunov_exponents_decide() -> None:
     assert verdict.lyapunov is not None
     # their sum is the mean trace of the Jacobian, which is that of the average here
     assert verdict.lyapunov.exponents.sum() == pytest.approx(-5.5, abs=0.02)
+
+
+def test_a_ramp_that_is_not_followed_is_not_called_stable() -> None:
+    """1/(s − 0.1) falls behind a ramp for ever and escapes at last: no window shows that."""
+    loop = velocity_actuated(
+        **{
+            "field": es.Moving(es.Quadratic((0, 0), (1, 0.5)), es.Line((0.05, 0.02))),
+            "vehicle.axes": (1 / (s - 0.1), 1 / (s - 0.1)),
+        }
+    )
+    verdict = stability(loop)
+    assert not verdict.stable
+    assert verdict.evidence[3].stable is None
+    assert "otherwise than by sines" in verdict.evidence[3].silence
+
+
+def test_an_escape_from_the_almost_periodic_motion_is_said() -> None:
+    path = es.Circle(3.0, 5.1234567)
+    loop = velocity_actuated(field=es.Moving(es.Quadratic((0, 0), (1, 0.5)), path))
+    verdict = stability(loop)
+    assert not verdict.stable
+    assert "The loop escaped within" in verdict.evidence[3].silence
+    assert not said(verdict, "no periodic orbit was found")
+
+
+@pytest.mark.parametrize("turning", [30.0, 60.0])
+def test_a_source_as_fast_as_the_dither_is_warned_of(turning: float) -> None:
+    path = es.Circle(0.05, turning)
+    loop = velocity_actuated(
+        **{
+            "field": es.Moving(es.Quadratic((0, 0), (1, 0.5)), path),
+            "vehicle.axes.0": 1 / (s + 0.01),
+        }
+    )
+    assert said(stability(loop), f"turns at {turning:.3g} rad/s")
+
+
+def test_two_probes_in_quadrature_do_not_collide() -> None:
+    probes = (es.Probe(2.4, 0.0), es.Probe(2.4, float(-pi / 2)))
+    channels = tuple(
+        es.Channel(probe, 10, reference=probe.phase - float(pi / 2)) for probe in probes
+    )
+    verdict = stability(velocity_actuated(**{"controller.channels": channels}))
+    assert verdict.stable
+    assert not said(verdict, "collide")
 
 
 def test_where_no_orbit_is_found_nothing_is_claimed() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ from .conditions import Condition, HurwitzSystem
 from .demodulation import demodulation
 from .equilibria import nearest, real_solutions
 from .equilibrium import equilibrium_law, held
+from .floquet import decays
 from .frame import Frame, evaluated, relative
 from .path import averaged_system, path
 from .routh import RouthArray
@@ -128,9 +130,8 @@ class Average:
         if self.equilibrium_law is None and self.exact:
             table = dict(zip(self.system.symbols, map(sympy.Float, self.values), strict=True))
             still = [substituted(e, table) for e in held(self.averaged)]
-            found = real_solutions(still, list(self.states))
-            if found is not None:
-                return tuple(found)
+            with suppress(InvalidDescription):  # too many to be sure of, or a continuum
+                return tuple(real_solutions(still, list(self.states)))
         return () if self.equilibrium is None else (self.equilibrium,)
 
     @property
@@ -154,7 +155,7 @@ class Average:
     @property
     def stable(self) -> bool:
         """Whether there is an equilibrium and every eigenvalue has a negative real part."""
-        return len(self.eigenvalues) > 0 and bool(self.eigenvalues[0].real < 0)
+        return decays(self.eigenvalues)
 
     @property
     def characteristic(self) -> tuple[tuple[Expr, ...] | None, ...]:
@@ -229,7 +230,8 @@ class Average:
             ``position(time, axis)`` (m), the dither left out; ``offset(time, axis)`` = x̃ (m); every
             state; ``attrs["outcome"]`` as in `simulate`.
         """
-        return path(self.system, self.values, positive("t_end", t_end), samples, tol)
+        t_end, tol = positive("t_end", t_end), positive("tol", tol)
+        return path(self.system, self.values, t_end, samples, tol)
 
     def text(self) -> str:
         """Return equations, equilibrium, characteristic polynomial and conditions as text."""

@@ -23,7 +23,8 @@ from ..loop import Loop
 from ..rational import at_frequency
 from . import floquet
 from .averaging import Average, average
-from .frame import Frame, slow_frequencies
+from .frame import Frame
+from .periods import slow_frequencies
 
 Vector = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ from typing import Final
 import sympy
 from sympy import Expr, Symbol
 
+from ..controllers import Probe
 from ..loop import Loop
 from ..symbols import axis_names
 from .averaged import averaged
@@ -108,9 +109,12 @@ def coupling(loop: Loop) -> dict[Symbol, Expr]:
     """Return what the collisions add to the averaged rates (per second), by state.
 
     The average of the loop minus that of the same loop with every channel at a frequency of its
-    own, collided with no other: exact, for fields that are polynomials of position.
+    own, collided with no other: exact, for fields that are polynomials of position; nothing is
+    said of channels with a `Probe`.
     """
     frame = relative(loop)
+    if any(isinstance(c.dither, Probe) for c in gradient(frame.loop).channels):
+        return {}  # a probe makes another dither at another frequency
     apart = frame.loop.replace(
         {
             f"controller.channels.{i}.ratio": float(sympy.sqrt(sympy.prime(i + 1)))

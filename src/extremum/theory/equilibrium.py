@@ -11,6 +11,7 @@ from sympy import Expr, Symbol
 from ..symbols import substituted
 from ..symbols import t as time
 from .averaged import Averaged
+from .drift import drift
 from .hurwitz import summands
 from .routh import permanent
 
@@ -18,18 +19,14 @@ MAX_TERMS: Final = 40
 """Terms of a determinant beyond which no closed form is looked for, unless the solution is 0."""
 
 
-def mean_of(expression: Expr) -> Expr:
-    """Return a source's coordinate or velocity at its mean: sines 0, t = 0."""
-    calls = {
-        call: sympy.Integer(0) for call in expression.atoms(sympy.sin, sympy.cos) if call.has(time)
-    }
-    return substituted(substituted(expression, calls), {time: sympy.Integer(0)})
-
-
 @lru_cache(maxsize=256)
 def held(averaged: Averaged) -> tuple[Expr, ...]:
-    """Return the rates with the slow inputs at their means."""
-    table = {x: mean_of(e) for x, e in averaged.equations.slow} | {time: sympy.Integer(0)}
+    """Return the rates with the source at its mean place, moving at its mean velocity."""
+    slow = averaged.equations.slow
+    table: dict[Symbol, Expr] = {time: sympy.Integer(0)}
+    for (place, path), (velocity, _) in zip(slow[::2], slow[1::2], strict=True):
+        found = drift(path)
+        table |= {place: found.place, velocity: found.velocity}
     return tuple(substituted(rate, table) for rate in averaged.rates)
 
 

@@ -20,6 +20,9 @@ Complex = NDArray[np.complex128]
 SPREAD: Final = np.log(1e4)
 """Ratio of the multipliers within which they are taken from one block of the monodromy matrix."""
 
+NEUTRAL: Final = 1e-9
+"""A real part within this of 0, relative to the largest mode, is 0 to rounding."""
+
 SETTLED: Final = 1e-13
 MAX_SWEEPS: Final = 60
 
@@ -58,6 +61,12 @@ def exponents(factors: ArrayLike, period: float) -> Complex:
         logs = np.concatenate(_block_logs(cycle))
     found = logs / period
     return found[np.lexsort((-found.imag, -found.real))]
+
+
+def decays(modes: Complex) -> bool:
+    """Return whether every real part is negative; one that is 0 to rounding is not."""
+    size = float(np.abs(modes).max(initial=0.0))
+    return len(modes) > 0 and bool(modes.real.max() < -NEUTRAL * size)
 
 
 def multipliers(found: Complex, period: float) -> Complex:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
@@ -26,11 +26,10 @@ from ..parameters import Parameter
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
 from ..system import System
+from .drift import whole
 from .fourier import Oscillator, oscillators, turned, unturned
+from .periods import MAX_CYCLES, common, fraction, slow_frequencies
 from .sources import located
-
-MAX_CYCLES: Final = 20_000
-"""Dither cycles within which a loop must repeat to be called periodic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +74,11 @@ class Relative:
     system: System
 
     @property
+    def changing(self) -> bool:
+        """Whether the field changes with time otherwise than by moving as a whole."""
+        return self.leading.has(time)
+
+    @property
     def slow(self) -> tuple[tuple[Symbol, Expr], ...]:
         """The bindings of r and ṙ of a moving source."""
         return self.signals[: [x for x, _ in self.signals].index(self.signal)]
@@ -109,20 +113,24 @@ class Frame:
     def frequencies(self) -> tuple[float, ...]:
         """Return every angular frequency (rad/s): the dithers', then the source's."""
         base, multiples = self._multiples()
-        return tuple(dict.fromkeys(float(m * base) for m in multiples))
+        return tuple(dict.fromkeys(float(m) * base for m in multiples))
 
-    def _multiples(self) -> tuple[Fraction, list[Fraction]]:
-        """Return ω, and every frequency as a multiple of it: as its ratio or its decimals say."""
+    def _multiples(self) -> tuple[float, list[Fraction]]:
+        """Return ω, and every frequency as a multiple of it."""
         controller: Any = self.loop.twin.controller
         ratios = tuple(sympy.cancel(c / controller.base()) for c in self.system.carriers)
-        base = Fraction(repr(float(self.loop.controller.base())))
+        base = float(self.loop.controller.base())
         numbers = evaluated(ratios, self.system)(self.values)
         multiples = [
-            Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else _fraction(n)
+            Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else fraction(n)
             for law, n in zip(ratios, numbers, strict=True)
         ]
+        return base, [*multiples, *(fraction(f / base) for f in self.turning())]
+
+    def turning(self) -> tuple[float, ...]:
+        """Return the angular frequencies (rad/s) of the source's path and the field alone."""
         slow = evaluated(slow_frequencies(self.system) or (), self.system)(self.values)
-        return base, [*multiples, *(_fraction(abs(f)) / base for f in slow if f)]
+        return tuple(abs(f) for f in slow if f)
 
     def period(self) -> tuple[float, int] | None:
         """Return the time after which everything repeats (s), and how many cycles that is.
@@ -133,19 +141,9 @@ class Frame:
         if not self.system.carriers or slow_frequencies(self.system) is None:
             return None
         base, multiples = self._multiples()
-        common = _common(multiples)
-        cycles = int(min(multiples[: len(self.system.carriers)]) / common)
-        return None if cycles > MAX_CYCLES else (2 * math.pi / float(common * base), cycles)
-
-    def source_frequency(self) -> float | None:
-        """Return the frequency at which a swinging source repeats (rad/s), None if it does not."""
-        turning = [c for r in self.equations.source for c in r.atoms(sympy.sin, sympy.cos)]
-        laws = tuple(sympy.expand(c.args[0]).coeff(time) for c in turning if c.has(time))
-        found = [_fraction(abs(f)) for f in evaluated(laws, self.system)(self.values) if f]
-        if not found:
-            return None
-        common = _common(found)
-        return None if max(found) / common > MAX_CYCLES else float(common)
+        unit = common(multiples)
+        cycles = int(min(multiples[: len(self.system.carriers)]) / unit)
+        return None if cycles > MAX_CYCLES else (2 * math.pi / (float(unit) * base), cycles)
 
 
 def relative(loop: Loop) -> Frame:
@@ -157,27 +155,28 @@ def relative(loop: Loop) -> Frame:
         If the field states no source and none is found uphill from the start.
     """
     try:
-        return _frame(loop)
+        return _frame(loop, loop.system)
     except TypeError:  # an opaque field's callable that cannot be hashed
-        return _frame.__wrapped__(loop)
+        return _frame.__wrapped__(loop, loop.system)
 
 
 @lru_cache(maxsize=32)
-def _frame(loop: Loop) -> Frame:
+def _frame(loop: Loop, system: System) -> Frame:
+    """Return the frame; loops that compare equal may differ in structure, as 2 and 2.0 do."""
     ready = located(loop)
     equations = _relative(ready.loop.system, ready.loop.twin)
     values = [*ready.loop.values.tolist(), *(ready.found or ())]
-    return Frame(ready.loop, equations, values, ready.notes)
-
-
-def _common(numbers: Sequence[Fraction]) -> Fraction:
-    """Return the largest number of which all are multiples."""
-    above, below = zip(*(n.as_integer_ratio() for n in numbers), strict=True)
-    return Fraction(math.gcd(*above), math.lcm(*below))
-
-
-def _fraction(number: Any) -> Fraction:
-    return Fraction(repr(float(number)))
+    notes = ready.notes
+    if equations.changing:
+        notes += (
+            "the field changes with time: eigenvalues, conditions and loop gain are those at t = 0",
+        )
+    if not whole(equations.source):
+        notes += (
+            "the source's path is more than a constant velocity and sines: equilibrium and static "
+            "errors are those of a source that stays where the rest of its path is at t = 0",
+        )
+    return Frame(ready.loop, equations, values, notes)
 
 
 @lru_cache(maxsize=512)
@@ -194,30 +193,6 @@ def evaluated(
             return [math.nan] * len(expressions)
 
     return asked
-
-
-@lru_cache(maxsize=256)
-def slow_frequencies(system: System) -> tuple[Expr, ...] | None:
-    """Return the frequencies of the sines that are no dither's; None if time enters otherwise."""
-    found: dict[Expr, None] = {}
-    wanted: set[Any] = set().union(*(e.free_symbols for e in system.rhs))
-    entering = list(system.rhs)
-    for symbol, expression in reversed(system.signals):
-        if symbol in wanted:
-            wanted |= expression.free_symbols
-            entering.append(expression)
-    for expression in entering:
-        calls = [c for c in expression.atoms(sympy.sin, sympy.cos) if c.has(time)]
-        if substituted(expression, {call: sympy.Dummy() for call in calls}).has(time):
-            return None
-        for call in calls:
-            angle = sympy.expand(call.args[0])
-            frequency = angle.coeff(time)
-            if (angle - frequency * time).has(time):
-                return None
-            if frequency not in system.carriers:
-                found[frequency] = None
-    return tuple(found)
 
 
 @lru_cache(maxsize=256)
@@ -338,8 +313,8 @@ def _limit(swing: Expr, dithers: Sequence[Oscillator], frequency: Expr) -> Expr:
     waves = [symbol for o in dithers for symbol in (o.sine, o.cosine)]
     parts = {wave: sympy.fraction(sympy.cancel(swing.diff(wave))) for wave in waves}
     limit = sympy.Integer(0)
-    for wave, fraction in parts.items():
-        above, below = (sympy.Poly(e, frequency) for e in fraction)
+    for wave, quotient in parts.items():
+        above, below = (sympy.Poly(e, frequency) for e in quotient)
         if above.degree() > below.degree():
             return swing
         if above.degree() == below.degree():

@@ -81,13 +81,20 @@ class LoopGain:
         return ImmutableMatrix(self.matrix.applyfunc(lambda e: sympy.cancel(_put(e, self.frame))))
 
     def at(self, frequency: float) -> NDArray[np.complex128]:
-        """Return L(jω), (axes, axes), at ω = `frequency` (rad/s)."""
+        """Return L(jω), (axes, axes), at ω = `frequency` (rad/s); infinite or NaN at a pole."""
         found = self.numbers.subs(s, sympy.I * sympy.Float(frequency))
         return np.array(found.tolist(), dtype=np.complex128)
 
     def sensitivity(self, frequency: float) -> NDArray[np.complex128]:
-        """Return S(jω) = (I + L)⁻¹, from −source to the mean of x̃, (axes, axes)."""
-        found = np.linalg.inv(np.eye(self.matrix.rows) + self.at(frequency))
+        """Return S(jω) = (I + L)⁻¹, (axes, axes), from −source to the mean of x̃; 0 at L's poles."""
+        parts = linear(self.frame.equations, self.frame.loop.twin)
+
+        def number(part: Any) -> NDArray[np.complex128]:
+            here = part.applyfunc(lambda e: _put(e, self.frame)).subs(s, sympy.I * exact(frequency))
+            return np.array(here.tolist(), dtype=np.complex128)
+
+        below, above = number(sympy.diag(*parts.below)), number(sympy.diag(*parts.above))
+        found = np.linalg.solve(below + above @ number(parts.sensor), below)
         return found.astype(np.complex128)
 
     def control(self, axis: int | None = None) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from . import floquet
 from .averaging import average
 
 Vector = NDArray[np.float64]
+MAX_CYCLES: Final = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,13 @@ def lyapunov(loop: Loop, window: float, *, transient: float | None = None) -> Ly
     frame = predicted.frame
     system, values = frame.system, frame.values
     cycle = system.fastest_period(values) or window
+    if not 1 <= window / cycle <= MAX_CYCLES:
+        raise InvalidDescription(
+            "window",
+            f"is {window / cycle:.3g} cycles of the fastest dither; it must lie between 1 and "
+            f"{MAX_CYCLES:,} of them, {cycle:.4g} … {MAX_CYCLES * cycle:.4g} s",
+            shown(window),
+        )
     state = predicted.equilibrium
     state = np.zeros(len(system.states)) if state is None else state
     basis = np.eye(len(state))

@@ -28,7 +28,8 @@ from ..symbols import t as time
 from .averaged import averaged
 from .averaging import average
 from .demodulation import gradient
-from .equilibrium import MAX_TERMS, mean_of, quotient
+from .drift import drift
+from .equilibrium import MAX_TERMS, quotient
 from .fourier import series, turned
 from .frame import Frame, Relative, evaluated
 from .hurwitz import summands
@@ -37,7 +38,6 @@ from .routh import permanent
 
 Vector = NDArray[np.float64]
 Laws = Mapping[str, tuple[Expr, ...]]
-SAMPLES: Final = 1024
 NEGLIGIBLE: Final = 1e-9
 
 
@@ -70,8 +70,9 @@ class Bias:
         Cause → the mean of x̃ per axis it leaves, in closed form: ``"source"`` −S(0) r, left by an
         axis without a pole at 0 (an unstable pole); ``"force"``, G/(1 + L) d, left by a constant
         force at the input; ``"ramp"``, left by a source of constant velocity; ``"asymmetry"``,
-        left by the field's odd derivatives. Numbers instead where the closed form would be too long
-        to read, and for an asymmetry that is taken by quadrature.
+        left by the odd derivatives of a polynomial field; ``"nonlinearity"``, all that the average
+        by quadrature of another field has beyond these. Numbers instead where the closed form
+        would be too long to read.
     growth
         Per axis how fast x̃ grows (m/s), where a ramping source cannot be followed; else zeros.
     tracking
@@ -114,7 +115,9 @@ class Bias:
             errors = zip(names, swing.error, strict=True)
             told = ", ".join(f"|{name}| = {abs(e):.6g} m" for name, e in errors if e)
             lines.append(f"  at {swing.frequency:.6g} rad/s: {told} (tracking, −S(jω) r)")
-        return "\n".join(lines) if len(lines) > 1 else f"{lines[0]}: none"
+        if len(lines) == 1:
+            lines = [f"{lines[0]}: none"]
+        return "\n".join([*lines, *(f"Note: {note}." for note in self.frame.notes)])
 
     __repr__ = __str__
 
@@ -124,8 +127,8 @@ def bias(loop: Loop) -> Bias:
 
     x̃ = (I + L)⁻¹ (−r + G d) at s = 0, worked out so that poles at 0 of G and C cancel: p ε x*/(gz −
     pε) for an unstable pole under a lead, the corrected (54); ε x*/(g − ε) without, (43); d p/(gz)
-    for a constant force on 1/s² under a lead, d/(g C(0)) on 1/s. For fields that are not quadratic
-    it is the first order in x̃; `Average.offset` is the whole.
+    for a constant force on 1/s² under a lead, d/(g C(0)) on 1/s. For polynomial fields of higher
+    degree it is the first order in x̃, and `Average.offset` the whole.
 
     Raises
     ------
@@ -135,6 +138,7 @@ def bias(loop: Loop) -> Bias:
     gain = loop_gain(loop)
     frame = gain.frame
     balance = _balance(frame.equations, frame.loop.twin)
+    _check(_number(balance.matrix, frame))
     laws, growth = _closed(balance) if balance.short else _solved(balance, frame)
     if averaged(frame.equations, 1).moments is not None:
         laws = {**laws, **_left_over(loop, Bias(frame, laws, growth, ()))}
@@ -161,14 +165,15 @@ def _balance(equations: Relative, twin: Loop) -> _Balance:
     parts = linear(equations, twin)
     below, above = sympy.diag(*parts.below), sympy.diag(*parts.above).subs(s, 0)
     still, slope = below.subs(s, 0), below.diff(s).subs(s, 0)
-    velocity = sympy.Matrix([mean_of(r.diff(time)) for r in equations.source])
+    moves = [drift(r) for r in equations.source]
+    velocity = sympy.Matrix([move.velocity for move in moves])
     pushing = [
         polynomial(g.numerator) * polynomial(c.denominator)
         for g, c in zip(parts.plants, parts.compensators, strict=True)
     ]
     force = getattr(twin.vehicle, "disturbance", None) or [sympy.Integer(0)] * len(pushing)
     causes: dict[str, Any] = {
-        "source": -still * sympy.Matrix([mean_of(r) for r in equations.source]),
+        "source": -still * sympy.Matrix([move.place for move in moves]),
         "force": sympy.diag(*pushing).subs(s, 0) * sympy.Matrix(force),
         "ramp": -slope * velocity,
         "asymmetry": above * sympy.Matrix(_asymmetry(equations, twin)),
@@ -180,8 +185,6 @@ def _balance(equations: Relative, twin: Loop) -> _Balance:
 @lru_cache(maxsize=256)
 def _closed(balance: _Balance) -> tuple[Laws, tuple[Expr, ...]]:
     determinant = sympy.expand(balance.matrix.det())
-    if determinant == 0:
-        raise _nowhere()
     adjugate = balance.matrix.adjugate()
 
     def solved(side: Any) -> tuple[Expr, ...]:
@@ -193,29 +196,29 @@ def _closed(balance: _Balance) -> tuple[Laws, tuple[Expr, ...]]:
 
 def _solved(balance: _Balance, frame: Frame) -> tuple[Laws, tuple[Expr, ...]]:
     """Return the same in numbers."""
-
-    def number(part: Any) -> Vector:
-        flat = evaluated(tuple(part.flat()), frame.system)(frame.values)
-        return np.array(flat).reshape(part.shape)
-
-    matrix = number(balance.matrix)
-    if np.linalg.matrix_rank(matrix) < len(matrix):
-        raise _nowhere()
+    matrix = _number(balance.matrix, frame)
 
     def solved(side: Any) -> tuple[Expr, ...]:
-        found = np.linalg.solve(matrix, number(side)[:, 0])
+        found = np.linalg.solve(matrix, _number(side, frame)[:, 0])
         return tuple(sympy.Float(float(x)) if x else sympy.Integer(0) for x in found)
 
     laws = {cause: solved(side) for cause, side in balance.causes.items()}
     return laws, solved(balance.growing)
 
 
-def _nowhere() -> InvalidDescription:
-    return InvalidDescription(
-        "controller",
-        "does not hold the mean anywhere, det(I + L(0)) = 0: the field is flat, the demodulation "
-        "is singular (two axes share a frequency and a phase), or C or G has a zero at s = 0",
-    )
+def _number(part: Any, frame: Frame) -> Vector:
+    return np.array(evaluated(tuple(part.flat()), frame.system)(frame.values)).reshape(part.shape)
+
+
+def _check(matrix: Vector) -> None:
+    sizes = np.abs(matrix).max(axis=1, keepdims=True)
+    if (sizes == 0).any() or np.linalg.matrix_rank(matrix / sizes) < len(matrix):
+        raise InvalidDescription(
+            "controller",
+            "does not hold the mean of every axis, det(I + L(0)) = 0: a gain is 0, the field is "
+            "flat to second order, the demodulation is singular (two axes share a frequency and a "
+            "phase), or C or G has a zero at s = 0; see es.average for what holds it beyond that",
+        )
 
 
 def _asymmetry(equations: Relative, twin: Loop) -> list[Expr]:
@@ -234,30 +237,32 @@ def _asymmetry(equations: Relative, twin: Loop) -> list[Expr]:
 
 
 def _left_over(loop: Loop, known: Bias) -> Laws:
-    """Return what the averaged equilibrium has beyond the parts known: the field's asymmetry."""
+    """Return what the averaged equilibrium has beyond the linear parts, where it has one."""
     model = average(loop)
-    rest = model.offset - known.total
-    if not np.abs(rest).max() > NEGLIGIBLE * np.abs(model.demodulation).max():
+    rest = model.offset - sum(known.parts.values(), np.zeros(len(known.growth)))
+    held = not any(known.growth)
+    if not (held and np.abs(rest).max() > NEGLIGIBLE * np.abs(model.demodulation).max()):
         return {}
-    return {"asymmetry": tuple(sympy.Float(float(x)) for x in rest)}
+    return {"nonlinearity": tuple(sympy.Float(float(x)) for x in rest)}
 
 
 def _tracking(gain: LoopGain) -> tuple[Tracking, ...]:
-    """Return the errors −S(jω) r at the frequencies of the source's path."""
+    """Return the errors −S(jω) r at the frequencies at which the source swings."""
     frame = gain.frame
-    base = frame.source_frequency()
-    if base is None:
-        return ()
-    system = frame.system
-    times = 2 * np.pi / base * np.arange(SAMPLES) / SAMPLES
-    law = sympy.lambdify([time, list(system.symbols)], list(frame.equations.source), "numpy")
-    path = [np.broadcast_to(r, times.shape) for r in law(times, frame.values)]
-    waves = 2 * np.fft.rfft(np.array(path), axis=1) / SAMPLES
-    waves[np.abs(waves) < NEGLIGIBLE * np.abs(waves[:, 1:]).max()] = 0
-    found = []
-    for k in range(1, SAMPLES // 2):
-        amplitude = waves[:, k].astype(np.complex128)
-        if amplitude.any():
-            error = -gain.sensitivity(k * base) @ amplitude
-            found.append(Tracking(k * base, amplitude, error))
-    return tuple(found)
+    system, values = frame.system, frame.values
+    amplitudes: dict[float, NDArray[np.complex128]] = {}
+    for axis, r in enumerate(frame.equations.source):
+        for wave in drift(r).waves:
+            size, frequency, phase = evaluated(
+                (wave.coefficient, wave.frequency, wave.phase), system
+            )(values)
+            if frequency < 0:  # sin(−a) = −sin a
+                size, frequency, phase = -size, -frequency, -phase
+            empty = np.zeros(gain.matrix.rows, dtype=np.complex128)
+            column = amplitudes.setdefault(frequency, empty)
+            column[axis] += size * np.exp(1j * (phase - np.pi / 2))
+    return tuple(
+        Tracking(frequency, column, -gain.sensitivity(frequency) @ column)
+        for frequency, column in sorted(amplitudes.items())
+        if frequency and column.any()
+    )

@@ -19,6 +19,7 @@ from . import branch, floquet
 from .averaging import Average, average
 from .excursion import orbit_about
 from .frame import Frame
+from .periods import slow_frequencies
 
 if TYPE_CHECKING:
     import xarray
@@ -100,7 +101,7 @@ class Orbit:
     @property
     def stable(self) -> bool:
         """Whether there is an orbit and every exponent has a negative real part."""
-        return self.found and bool(self.exponents[0].real < 0)
+        return floquet.decays(self.exponents)
 
     @property
     def mean(self) -> Vector:
@@ -274,6 +275,10 @@ def orbit_of(predicted: Average) -> Orbit:
     if predicted.equilibrium is None:
         outcome = "the averaged loop has no equilibrium to start from"
         return Orbit(outcome, frame, None, frame.notes)
+    modes = np.abs(predicted.eigenvalues)
+    if modes.min() <= floquet.NEUTRAL * modes.max():
+        outcome = "the averaged loop has a mode at 0: its equilibria and orbits are not isolated"
+        return Orbit(outcome, frame, None, frame.notes)
     if not branch.rests(frame):
         about = orbit_about(predicted, cycle)
         if isinstance(about, Closed):
@@ -291,10 +296,12 @@ def orbit_of(predicted: Average) -> Orbit:
 
 
 def _aperiodic(frame: Frame) -> str:
+    if slow_frequencies(frame.system) is None:
+        return "nothing repeats, as time enters otherwise than by sines"
     listed = ", ".join(f"{f:.10g}" for f in frame.frequencies())
     return (
-        f"not periodic: the frequencies {listed} rad/s have no common period within 20,000 "
-        "cycles, or time enters otherwise than by sines; see `lyapunov`"
+        f"nothing repeats: the frequencies {listed} rad/s have no common period within 20,000 "
+        "cycles; see `lyapunov`"
     )
 
 

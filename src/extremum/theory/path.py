@@ -11,6 +11,7 @@ import sympy
 from sympy import Expr
 
 from ..engines import reference, taylor
+from ..errors import InvalidDescription, shown
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
 from ..system import Oracle, System
@@ -81,6 +82,8 @@ def path(
     import xarray
 
     engine = reference if system.oracles or not taylor.available() else taylor
+    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 2:
+        raise InvalidDescription("samples", "must be a whole number greater than 1", shown(samples))
     times = np.linspace(0.0, t_end, samples)
     run = engine.integrate(system, values, times, tol=tol)
     outputs = system.evaluate(run.times, run.states, values)

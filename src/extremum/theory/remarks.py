@@ -55,18 +55,18 @@ def _disagreements(verdict: Verdict) -> Iterator[str]:
             f"The paper's printed conditions say {_word(printed.stable)}, the corrected ones "
             f"{_word(corrected.stable)}: the printed formula is wrong here (docs/errata.md)."
         )
-    neutral = [c.title for c in (averaged_, exact) if len(c.modes) and _neutral(c.modes)]
-    if neutral:
+    periodic = verdict.average.frame.period() is not None
+    if len(averaged_.modes) and _neutral(averaged_.modes):
         yield (
-            f"A mode of the {' and the '.join(neutral)} is 0 to rounding: the loop is held there, "
-            "but it does not come back; that is not exponential stability."
+            "A mode of the averaged loop is 0 to rounding: to first order nothing brings the loop "
+            "back along it, and averaging decides nothing."
         )
-    elif exact.silence and averaged_.stable:
+    elif exact.silence and averaged_.stable and periodic:
         yield (
             "The averaged loop is stable, but at this ω no periodic orbit was found: the claim of "
             "the theorems, for all sufficiently large ω, does not reach down to it."
         )
-    elif averaged_.stable != exact.stable and not averaged_.silence:
+    elif None not in (averaged_.stable, exact.stable) and averaged_.stable != exact.stable:
         yield (
             f"Averaging says {_word(averaged_.stable)} ({averaged_.rate:+.4g} 1/s), the exact "
             f"orbit {_word(exact.stable)} ({exact.rate:+.4g} 1/s): ω is too low for the average, "
@@ -104,7 +104,10 @@ def _shape(verdict: Verdict) -> Iterator[str]:
                 f"derivative is {value:+.4g}."
             )
         elif size == 0 or value > -FLAT * size:
-            yield f"The field is flat along ({along}): nothing drives the loop there."
+            yield (
+                f"The field is flat to second order along ({along}): nothing drives the loop "
+                "there, but what is of higher order in α."
+            )
 
 
 def _trust(verdict: Verdict) -> Iterator[str]:
@@ -119,6 +122,12 @@ def _trust(verdict: Verdict) -> Iterator[str]:
     if size > SLOW * frequency:
         yield _warned(
             f"the loop's fastest mode over ω = {size / frequency:.2g}", "the loop is fast"
+        )
+    fast = max(model.frame.turning(), default=0.0)
+    if fast > SLOW * frequency:
+        yield _warned(
+            f"the source's path or the field turns at {fast:.3g} rad/s, {fast / frequency:.2g} ω",
+            "averaging takes it for slow",
         )
     pull = _pull(verdict, frequency)
     if pull > PULL:
@@ -170,7 +179,7 @@ def _collisions(verdict: Verdict) -> Iterator[str]:
                 f"d{symbol_text(x.name)}/dt gains {expression_text(e)}" for x, e in added.items()
             )
             yield f"Frequencies collide ({told}), which couples the axes at every ω: {terms}."
-        elif not model.exact and not _separate(model.demodulation_limit):
+        elif not _separate(model.demodulation_limit):
             yield f"Frequencies collide ({told}); what that couples is in the average."
     slow = [r for r in found if r.frequency > 0]
     if slow:

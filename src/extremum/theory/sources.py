@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,7 @@ import sympy
 from numpy.typing import NDArray
 from sympy.core.function import AppliedUndef
 
+from ..controllers import GradientES
 from ..errors import InvalidDescription
 from ..fields import Field, Moving, Quadratic
 from ..loop import Loop
@@ -21,6 +23,12 @@ from ..symbols import t as time
 
 Vector = NDArray[np.float64]
 LEVELS: Final = 5
+SIMPLE: Final = 100
+"""Denominator up to which a float ratio of frequencies is taken for the fraction it is."""
+
+NEWTON: Final = 60
+"""Steps: a quartic maximum is met by a factor 2/3 at each."""
+
 FAR: Final = 1e8
 """Dither sizes beyond which a climb is not believed."""
 
@@ -60,6 +68,7 @@ def located(loop: Loop) -> Located:
     if getattr(loop.controller, "probe_ramp", None) is not None:
         loop = loop.replace({"controller.probe_ramp": None})
         notes.append("the probe's ramp is over: theory is about the steady probe")
+    loop = _with_fractions(loop)
     if loop.system.oracles:
         field, note = _local_quadratic(loop)
         return Located(loop.replace({"field": field}), None, (*notes, note))
@@ -72,10 +81,25 @@ def located(loop: Loop) -> Located:
     value = sympy.lambdify([names], law.subs(time, 0), "math")
     source = _uphill(loop, value, gradient, curved)
     where = _shown(source)
-    notes.append(f"the field states no source; the maximum uphill from the start is at {where}")
+    notes.append(
+        f"the field states no source; it is taken to be the stationary point uphill from the "
+        f"start, {where}"
+    )
     if law.has(time):
         notes.append("the field changes with time; its source is that at t = 0")
     return Located(loop, tuple(source.tolist()), tuple(notes))
+
+
+def _with_fractions(loop: Loop) -> Loop:
+    """Return the loop with every ratio that is a simple fraction stated as one."""
+    if not isinstance(loop.controller, GradientES):
+        return loop
+    simple = {}
+    for index, channel in enumerate(loop.controller.channels):
+        near = Fraction(channel.ratio).limit_denominator(SIMPLE)
+        if isinstance(channel.ratio, float) and float(near) == channel.ratio:
+            simple[f"controller.channels.{index}.ratio"] = near
+    return loop.replace(simple) if simple else loop
 
 
 def _start(loop: Loop) -> Vector:
@@ -122,7 +146,7 @@ def _uphill(
         climbed = minimize(downhill, np.zeros(count), jac=True, method="BFGS")
         point = start + size * climbed.x
         lost = not float(np.abs(climbed.x).max()) < FAR
-        for _ in range(20):
+        for _ in range(NEWTON):
             parts = bend(point), -slope(point)
             if not all(np.isfinite(part).all() for part in parts):
                 break
@@ -182,8 +206,9 @@ def _local_quadratic(loop: Loop) -> tuple[Field, str]:
     )
     note = (
         f"the field is known by its values only: it is replaced by its local quadratic at the "
-        f"maximum uphill from the start, {_shown(source)}, with the Hessian {_rows(hessian)} by "
-        f"Richardson's differences from steps of the dither's size, {size:.3g} m, downwards"
+        f"stationary point uphill from the start, {_shown(source)}, with the Hessian "
+        f"{_rows(hessian)} by Richardson's differences from steps of the dither's size, "
+        f"{size:.3g} m, downwards"
     )
     return (Moving(local, moving.path) if moving else local), note
 

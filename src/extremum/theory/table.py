@@ -62,7 +62,7 @@ def data(verdict: Verdict) -> dict[str, Any]:
     orbit, pairs = verdict.orbit, verdict.modes
     return {
         "stable": verdict.stable,
-        "outcome": orbit.outcome,
+        "outcome": orbit.outcome if verdict.lyapunov is None else verdict.evidence[3].title,
         "evidence": [
             {
                 "title": column.title,
@@ -100,7 +100,7 @@ def _verdict(column: Evidence) -> str:
 
 
 def _rate(column: Evidence) -> str:
-    return "" if column.rate != column.rate else f"{column.rate:+.6g} 1/s"
+    return "" if column.rate != column.rate else f"{column.rate + 0.0:+.6g} 1/s"
 
 
 def _conditions(column: Evidence) -> str:

@@ -14,16 +14,14 @@ from ..errors import InvalidDescription, shown
 from ..loop import Loop
 from .averaging import Average, average
 from .conditions import Condition
-from .floquet import Match, match
+from .floquet import Match, decays, match
 from .lyapunov import Lyapunov, lyapunov
 from .orbits import Orbit, orbit_of
+from .periods import slow_frequencies
 from .printed import NotThePapers, PaperLoop, recognise
 from .remarks import remarks
 
 Complex = NDArray[np.complex128]
-
-NEUTRAL: Final = 1e-9
-"""A real part within this of 0, relative to the largest mode, is 0 to rounding: not stable."""
 
 CONSTANTS: Final = 20
 TURNS: Final = 3
@@ -109,18 +107,22 @@ class Verdict:
         if not len(modes):
             why = "The averaged loop has no equilibrium near the source."
             return Evidence(title, False, math.nan, (), modes, why)
-        return Evidence(title, _decays(modes), _rate(modes), self.average.conditions, modes, "")
+        return Evidence(title, decays(modes), _rate(modes), self.average.conditions, modes, "")
 
     def _exact(self) -> Evidence:
         title, modes = "Floquet exponents", self.orbit.exponents
-        if self.lyapunov is not None and len(self.lyapunov.exponents):
-            title = f"Lyapunov exponents over {self.lyapunov.window:.4g} s"
-            modes = self.lyapunov.exponents.astype(np.complex128)
-            return Evidence(title, self.lyapunov.stable, _rate(modes), (), modes, "")
+        along = self.lyapunov
+        if along is not None and len(along.exponents):
+            title = f"Lyapunov exponents over {along.window:.4g} s, ± {along.uncertainty:.1g}"
+            modes = along.exponents.astype(np.complex128)
+            return Evidence(title, along.stable, _rate(modes), (), modes, "")
+        if along is not None:
+            why = f"The loop {along.outcome} within {along.window:.4g} s of the averaged motion."
+            return Evidence(title, False, math.nan, (), modes, why)
         if not self.orbit.found:
             why = f"{self.orbit.outcome[0].upper()}{self.orbit.outcome[1:]}."
             return Evidence(title, None, math.nan, (), modes, why)
-        return Evidence(title, _decays(modes), _rate(modes), (), modes, "")
+        return Evidence(title, decays(modes), _rate(modes), (), modes, "")
 
     @cached_property
     def modes(self) -> Match | None:
@@ -156,10 +158,6 @@ def _rate(modes: Complex) -> float:
     return float(modes.real.max())
 
 
-def _decays(modes: Complex) -> bool:
-    return _rate(modes) < -NEUTRAL * float(np.abs(modes).max())
-
-
 def stability(loop: Loop) -> Verdict:
     """Return whether the loop is stable, and the evidence for it.
 
@@ -183,7 +181,8 @@ def stability(loop: Loop) -> Verdict:
     predicted = average(loop)
     found = orbit_of(predicted)
     along = None
-    if predicted.frame.period() is None and predicted.stable:
+    swings = slow_frequencies(predicted.frame.system) is not None
+    if swings and predicted.frame.period() is None and predicted.stable:
         along = lyapunov(loop, _window(predicted))
     return Verdict(predicted, found, along, recognise(loop))
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
@@ -25,6 +26,9 @@ from .moments import Moment
 if TYPE_CHECKING:
     from .averaging import Average
     from .conditions import Condition
+
+ROUNDING: Final = 1e-10
+"""Part of the dither's size below which a coordinate of the equilibrium is 0."""
 
 WIDEST: Final = 100
 """Characters beyond which a condition is named by its coefficients, not written out."""
@@ -125,8 +129,9 @@ def _equilibrium(average: Average, back: Mapping[Symbol, Expr]) -> list[tuple[st
     if average.equilibrium is None:
         return [("Xᵉ", "none found")]
     if law is None:
+        rounding = ROUNDING * float(np.abs(average.demodulation).max())
         return [
-            (f"{symbol_text(x.name)}ᵉ", f"{value:.9g}")
+            (f"{symbol_text(x.name)}ᵉ", f"{value if abs(value) > rounding else 0:.9g}")
             for x, value in zip(states, average.equilibrium, strict=True)
         ]
     names = {state: symbol for state, symbol, _ in average.averaged.outputs if state in back}
