@@ -72,7 +72,7 @@ def number(given: Any) -> float:
         result = math.inf
     if not math.isfinite(result):
         raise InvalidDescription("", "must be a finite number", shown(given))
-    return result
+    return result + 0.0  # -0.0 equals a default of 0.0 and would not come back from text
 
 
 def positive(name: str, given: Any) -> float:
