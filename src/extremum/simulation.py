@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .engines import reference, taylor
+from .engines import taylor
+from .engines.choice import ENGINES, usual
 from .engines.trajectory import COMPLETED, LEFT, UNDEFINED, Progress, Trajectory
 from .errors import InvalidDescription, shown
 from .extremes import extremes
@@ -27,7 +28,6 @@ MIN_SAMPLES: Final = 2000
 MAX_SAMPLES: Final = 20_000_000
 SAMPLES_PER_PERIOD: Final = 20
 DENSE_PER_PERIOD: Final = 40
-ENGINES: Final = {"taylor": taylor, "reference": reference}
 
 
 def simulate(
@@ -168,7 +168,7 @@ def _dense(
 
 def _engine(system: System, engine: str | None) -> str:
     if engine is None:
-        return "reference" if system.oracles or not taylor.available() else "taylor"
+        return usual(system)
     if not isinstance(engine, str) or engine not in ENGINES:
         raise InvalidDescription("engine", f"must be one of {', '.join(ENGINES)}", shown(engine))
     if engine == "taylor" and not taylor.available():

@@ -38,6 +38,16 @@ def test_a_stable_loop(folder, capsys):
     assert max(map(len, printed.out.splitlines())) <= 120
 
 
+def test_a_narrow_terminal_gets_whole_lines(folder, capsys, monkeypatch):
+    Path("case.toml").write_text(FORCE)
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["stability", "case.toml"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "✓ α_x c_x k_x q_x z_x - α_x c_x k_x p_x q_x > 0  (12.5)" in lines
+    assert any("-0.456146 +0.626433j  Δ 1.6e-03" in line for line in lines)
+
+
 def test_an_unstable_loop_is_exit_status_1(folder, capsys):
     Path("case.toml").write_text(FIG4.replace("gain = 10", "gain = -10", 1))
     assert main(["stability", "case.toml"]) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -108,9 +109,11 @@ def stability(options: argparse.Namespace) -> int:
 
         from ..theory.table import rendered
 
+        known = sys.stdout.isatty() or "COLUMNS" in os.environ
+        console = Console(width=None if known else WIDTH)
         if scenario.title:
-            print(scenario.title)
-        Console(width=None if sys.stdout.isatty() else WIDTH).print(rendered(verdict))
+            console.print(scenario.title, markup=False, highlight=False)
+        console.print(rendered(verdict, console.width))
     return 0 if verdict.stable else 1
 
 

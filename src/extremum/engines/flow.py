@@ -25,6 +25,7 @@ from sympy.core.function import AppliedUndef
 from ..symbols import substituted
 from ..system import Oracle, System
 from . import reference, taylor
+from .choice import usual
 from .trajectory import COMPLETED, broken_off
 
 Vector = NDArray[np.float64]
@@ -121,7 +122,7 @@ def transitions(
         the fastest dither period) or None to choose.
     """
     if engine is None:
-        engine = "reference" if system.oracles or not taylor.available() else "taylor"
+        engine = usual(system)
     segment = _taylor(system, values, tol) if engine == "taylor" else _dop853(system, values, tol)
     times, given = np.asarray(times, dtype=float), np.array(state, dtype=float)
     starts = given if given.ndim == 2 else None

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..system import System
-from . import flow, reference, taylor
+from . import flow
+from .choice import ENGINES, usual
 
 Vector = NDArray[np.float64]
 
@@ -224,7 +225,7 @@ def sampled(
     samples
         How many for each segment.
     """
-    engine = reference if system.oracles or not taylor.available() else taylor
+    engine = ENGINES[usual(system)]
     segments, count = orbit.nodes.shape
     times = orbit.period * np.arange(segments * samples + 1) / (segments * samples)
     states = np.empty((segments * samples, count))

@@ -10,7 +10,7 @@ import numpy as np
 import sympy
 from sympy import Expr
 
-from ..engines import reference, taylor
+from ..engines.choice import ENGINES, usual
 from ..errors import InvalidDescription, shown
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
@@ -81,7 +81,7 @@ def path(
     """Return the averaged path from the loop's own start; see `Average.simulate`."""
     import xarray
 
-    engine = reference if system.oracles or not taylor.available() else taylor
+    engine = ENGINES[usual(system)]
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 2:
         raise InvalidDescription("samples", "must be a whole number greater than 1", shown(samples))
     times = np.linspace(0.0, t_end, samples)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from ..printing import expression_text
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
+    from rich.table import Table
 
     from .conditions import Condition
     from .orbits import Orbit
     from .verdict import Evidence, Verdict
 
 WIDTH: Final = 118
+NARROW: Final = 100
 ROUNDING: Final = 1e-10
 
 
@@ -28,10 +31,9 @@ def text(verdict: Verdict) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines())
 
 
-def rendered(verdict: Verdict) -> RenderableType:
-    """Return the same for a terminal."""
+def rendered(verdict: Verdict, width: int = WIDTH) -> RenderableType:
+    """Return the same for a terminal; a narrow one gets the conditions below the table."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
     orbit = verdict.orbit
@@ -43,18 +45,42 @@ def rendered(verdict: Verdict) -> RenderableType:
         if orbit.found
         else ""
     )
-    table = Table(show_lines=False, pad_edge=False, expand=False)
-    for index, column in enumerate(verdict.evidence):
-        listed = index > 1 and len(column.modes) > 0  # modes stand side by side, line by line
-        table.add_column(column.title, vertical="top", overflow="fold", no_wrap=listed)
+    parts: list[Any] = [Text.assemble((word, f"bold {colour}"), told)]
+    parts += [_wide(verdict)] if width >= NARROW else _narrow(verdict)
+    parts += [Text(f"• {remark}") for remark in verdict.remarks]
+    return Group(*parts)
+
+
+def _wide(verdict: Verdict) -> Table:
+    table = _columns(verdict.evidence)
     table.add_row(*(_verdict(column) for column in verdict.evidence))
     table.add_row(*(_rate(column) for column in verdict.evidence), end_section=True)
     printed, corrected, *_ = verdict.evidence
-    averaged_modes, exact_modes = _modes(verdict)
-    table.add_row(_conditions(printed), _conditions(corrected), averaged_modes, exact_modes)
-    parts: list[Any] = [Text.assemble((word, f"bold {colour}"), told), table]
-    parts += [Text(f"• {remark}") for remark in verdict.remarks]
-    return Group(*parts)
+    table.add_row(_conditions(printed), _conditions(corrected), *_modes(verdict))
+    return table
+
+
+def _narrow(verdict: Verdict) -> list[Any]:
+    from rich.text import Text
+
+    summary = _columns(verdict.evidence)
+    summary.add_row(*(_word(column.stable) for column in verdict.evidence))
+    summary.add_row(*(_rate(column) for column in verdict.evidence))
+    silent = [f"{c.title}: {c.silence}" for c in verdict.evidence if c.silence]
+    listed = [f"{c.title}\n{_conditions(c)}" for c in verdict.evidence[:2] if c.conditions]
+    modes = _columns(verdict.evidence[2:])
+    modes.add_row(*_modes(verdict))
+    return [summary, *map(Text, (*silent, *listed)), modes]
+
+
+def _columns(evidence: Sequence[Evidence]) -> Table:
+    from rich.table import Table
+
+    table = Table(show_lines=False, pad_edge=False, expand=False)
+    for column in evidence:
+        listed = column.title.endswith(("eigenvalues", "exponents"))  # side by side, line by line
+        table.add_column(column.title, vertical="top", overflow="fold", no_wrap=listed)
+    return table
 
 
 def data(verdict: Verdict) -> dict[str, Any]:
@@ -93,10 +119,11 @@ def data(verdict: Verdict) -> dict[str, Any]:
 
 
 def _verdict(column: Evidence) -> str:
-    if column.stable is None:
-        return f"—\n{column.silence}"
-    word = "stable" if column.stable else "not stable"
-    return f"{word}\n{column.silence}" if column.silence else word
+    return "\n".join(filter(None, (_word(column.stable), column.silence)))
+
+
+def _word(stable: bool | None) -> str:
+    return "—" if stable is None else "stable" if stable else "not stable"
 
 
 def _rate(column: Evidence) -> str:
