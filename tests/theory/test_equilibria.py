@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -271,12 +270,15 @@ def test_what_is_no_polynomial_is_refused(equation: Any) -> None:
         real_solutions([equation, y - 1], [x, y])
 
 
-def test_two_cubics_take_less_than_a_second() -> None:
+def test_two_dense_cubics() -> None:
     rng = np.random.default_rng(1)
     equations = [random_polynomial(rng, 3, (x, y)) for _ in range(2)]
-    began = time.perf_counter()
-    real_solutions(equations, [x, y])
-    assert time.perf_counter() - began < 1
+    found = real_solutions(equations, [x, y])
+    assert 1 <= len(found) <= 9
+    assert len(found) % 2 == 1  # of the nine the others come in pairs
+    for point in found:
+        values = [float(e.subs({x: point[0], y: point[1]})) for e in equations]
+        assert values == pytest.approx([0, 0], abs=1e-9)
 
 
 # --- the nearest one ----------------------------------------------------------------------------
