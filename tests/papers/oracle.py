@@ -1,7 +1,7 @@
 """Plain hand-written extremum seeking loops: an oracle for tests, from the paper's equations.
 
 Nothing is shared with ``extremum``. Each scenario is one function that states its numbers and its
-ordinary differential equations in full. Common to all (``equations.md``, eqs. (1)-(3)), with
+ordinary differential equations in full. Common to all (the paper's eqs. (1)-(3)), with
 ``eta = h/(s + h) [J]``::
 
     xi = J - eta,   d eta/dt = h xi,   input_i = probe_i(t) + C_i(s)[c xi reference_i(t)]

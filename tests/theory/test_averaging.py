@@ -253,7 +253,7 @@ def test_the_second_order_knows_the_washouts_phase() -> None:
     assert max(orbit.imag) > 1e-3
 
 
-def test_trap_4_the_centre_of_a_cubic_field() -> None:
+def test_the_centre_of_a_cubic_field() -> None:
     a, b, q, r = 0.1, 0.15, 1.0, 0.5
     fxxx, fxyy, fxxy, fyyy = 0.3, 0.2, 0.25, -0.4
     field = es.Expression(
@@ -334,7 +334,7 @@ def apart(ratio: Any, phase: float = 0.0) -> es.Loop:
     )
 
 
-def test_trap_3_an_axis_at_twice_the_frequency_rests_beside_the_source() -> None:
+def test_an_axis_at_twice_the_frequency_rests_beside_the_source() -> None:
     loop = velocity_actuated(
         **{
             "controller.channels.1.ratio": 2,
@@ -346,7 +346,7 @@ def test_trap_3_an_axis_at_twice_the_frequency_rests_beside_the_source() -> None
     assert periodic_orbit(loop).offset == pytest.approx([0, 0.04], abs=1e-5)
 
 
-def test_trap_3_two_three_five() -> None:
+def test_two_three_five() -> None:
     q = ((1.0, 0.3, 0), (0.3, 0.5, 0), (0, 0, 0.8))
     loop = scenario("three_d").loop.replace(
         {

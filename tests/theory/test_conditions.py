@@ -16,7 +16,7 @@ from extremum.theory.routh import hurwitz_determinant, permanent, routh
 
 Numbers = np.ndarray[Any, np.dtype[np.float64]]
 
-# --- the paper's three averaged loops, Jacobians written by hand (equations.md, errata) ---------
+# --- the paper's three averaged loops, Jacobians written by hand ---------------------------
 
 
 def letters(axis: str) -> dict[str, Symbol]:

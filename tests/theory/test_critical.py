@@ -39,7 +39,7 @@ def grows(loop: es.Loop, cycles: int) -> bool:
 
 
 def test_there_may_be_none() -> None:
-    """Trap 10: Fig. 4's loop at its peak is stable at every ω from 30 down to 0.1."""
+    """Fig. 4's loop at its peak is stable at every ω from 30 down to 0.1."""
     found = critical_frequency(scenario("fig4").loop, 0.1, 30)
     assert found.outcome == "completed"
     assert found.crossings == ()

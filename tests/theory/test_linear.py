@@ -140,7 +140,7 @@ def test_a_ramping_source() -> None:
 
 
 def test_the_mean_of_the_orbit_comes_to_the_bias() -> None:
-    """Case 6, for every cause: the distance halves as ω doubles, or is rounding already."""
+    """For every cause: the distance halves as ω doubles, or is rounding already."""
     loops = {
         "force": scenario("constant_force").loop,
         "pole": scenario("fig7").loop.replace({"field.source": (0.3, -0.2)}),
@@ -189,7 +189,7 @@ def test_a_loop_that_holds_the_mean_nowhere_is_refused() -> None:
 
 
 def test_tracking_of_a_swinging_source_is_the_sensitivity() -> None:
-    """Trap 8: S predicts 0.132 and 0.471, the exact orbit has 0.131 and 0.467."""
+    """S predicts 0.132 and 0.471, the exact orbit has 0.131 and 0.467."""
     loop = scenario("fig5").loop
     slow, fast = bias(loop).tracking
     assert (slow.frequency, fast.frequency) == pytest.approx((0.1, 0.2))

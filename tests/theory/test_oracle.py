@@ -100,7 +100,7 @@ def test_second_erratum() -> None:
 
 
 def test_offset_of_an_unstable_pole() -> None:
-    """Case 4: α c k q = 1 per axis, ω = 6400."""
+    """α c k q = 1 per axis, ω = 6400."""
     unstable: Polynomials = ((1.0,), (1.0, -0.5))
     loop = pair(unstable, lead(1.0, -0.8, -1.0), 0.1, (10.0, 20.0), 6400, (0.05, 0.05), INTEGRATOR)
     found = oracle.orbit(loop)

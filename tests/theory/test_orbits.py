@@ -146,7 +146,7 @@ def test_stability_boundary_of_the_double_integrator(
 
 
 def test_tracking_error_of_the_figure_eight() -> None:
-    """Trap 8: measured 0.131 and 0.467 in the source's own frequencies, 0.1 and 0.2 rad/s."""
+    """Measured 0.131 and 0.467 in the source's own frequencies, 0.1 and 0.2 rad/s."""
     orbit = periodic_orbit(scenario("fig5").loop)
     assert orbit.period == pytest.approx(20 * math.pi)
     assert abs(orbit.harmonic(0.1)[0]) == pytest.approx(0.131, abs=5e-4)
@@ -280,7 +280,7 @@ EIGHTH = np.arange(9) / 8
 
 
 def test_many_cycles_in_one_period() -> None:
-    """100 : 101 repeats after 100 cycles only; the beat couples the axes slowly (trap 3)."""
+    """100 : 101 repeats after 100 cycles only; the beat couples the axes slowly."""
     loop = velocity_actuated(**{"controller.channels.0.ratio": Fraction(101, 100)})
     orbit = periodic_orbit(loop)
     assert nodes(orbit) == 100

@@ -1,4 +1,4 @@
-"""How the average is approached as ω grows, and phase errors: traps 2, 5, 6 and 9 with numbers."""
+"""How the average is approached as ω grows, and phase errors."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_triple_root_at_the_power_two_thirds() -> None:
 
 
 def test_off_the_peak_the_slowest_exponent_comes_slowly() -> None:
-    """Trap 5, erratum 2's loop with the exact probe: −0.157 at ω = 100 … limit −0.793."""
+    """Erratum 2's loop with the exact probe: −0.157 at ω = 100 … limit −0.793."""
     loop = es.Loop(
         field=es.Quadratic(source=(1, -1), q=(1.0, 0.5), peak=1.0),
         vehicle=es.PointMass(axes=(1 / (s - 0.5), 1 / (s - 0.5))),
@@ -83,7 +83,7 @@ def test_off_the_peak_the_slowest_exponent_comes_slowly() -> None:
 @pytest.mark.parametrize(
     ("gain", "zero", "pole", "degrees"), [(5.0, -0.5, -3.0, 44.8), (1.0, -2.0, -2.2, 2.1)]
 )
-def test_trap_2_the_phase_error_that_a_quadrature_pair_bears(
+def test_the_phase_error_that_a_quadrature_pair_bears(
     gain: float, zero: float, pole: float, degrees: float
 ) -> None:
     """Two equal double integrators: on average |δ|; exactly, the washout adds its atan(h/ω)."""
@@ -120,7 +120,7 @@ def test_trap_2_the_phase_error_that_a_quadrature_pair_bears(
 
 
 @pytest.mark.parametrize("frequency", [30, 100, 400])
-def test_trap_6_the_average_shows_the_drift_from_rest(frequency: float) -> None:
+def test_the_average_shows_the_drift_from_rest(frequency: float) -> None:
     """From rest a double integrator's mean starts at −αω: x̃ = −αω (s − p)/(s³ − ps² + gs − gz)."""
     at_rest = force_actuated(**{"controller.frequency": frequency, "start": (0.0, 0.0)})
     path = average(at_rest).simulate(10.0, samples=501)

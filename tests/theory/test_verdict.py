@@ -82,7 +82,7 @@ def test_where_averaging_should_not_be_trusted() -> None:
 
 
 def test_a_limit_that_says_little_is_named() -> None:
-    """Erratum 2's loop: −0.793 on average, −0.529 at ω = 1600 (trap 5)."""
+    """Erratum 2's loop: −0.793 on average, −0.529 at ω = 1600."""
     loop = scenario("fig7").loop.replace(
         {
             **{f"vehicle.axes.{i}.parameters.epsilon": 0.5 for i in (0, 1)},
@@ -238,7 +238,7 @@ def test_where_no_orbit_is_found_nothing_is_claimed() -> None:
 
 
 def test_verdicts_hold_in_simulation_on_both_sides_of_a_boundary() -> None:
-    """Near the critical pole of cases 3 the exact loop returns to its orbit, or leaves it."""
+    """Near the critical pole the exact loop returns to its orbit, or leaves it."""
     for pole, stable in ((-1.3, False), (-3.0, True)):
         loop = design(-2, pole, 60).replace({"start": es.OnDither((0.02, 0.02))})
         if stable:
