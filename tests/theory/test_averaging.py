@@ -204,6 +204,19 @@ def test_quadrature_is_right_and_states_its_error() -> None:
     assert 0 <= found.error < 1e-12
 
 
+def test_quadrature_takes_as_many_points_as_a_sharp_peak_needs() -> None:
+    """J = 1/(1 + r²/w²), w a quarter of the dither; ⟨J⟩ on the circle r = α is J(α)."""
+    loop = velocity_actuated(field=es.InverseSquare((-1, -1), 0.02))
+    found = average(loop)
+    rates = found.system.rates(0.0, [0.0, 0.0, 0.0], found.values)
+    assert rates[2] == pytest.approx(1 / (1 + 16) - 1, abs=1e-14)
+    theta = 2 * np.pi * np.arange(1 << 14) / (1 << 14)
+    x, y = 0.05 + 0.08 * np.sin(theta), -0.08 * np.cos(theta)
+    pulled = np.mean(10 * np.sin(theta) / (1 + (x**2 + y**2) / 0.02**2))
+    rate = found.system.rates(0.0, [0.05, 0.0, 0.0], found.values)[0]
+    assert rate == pytest.approx(pulled, rel=1e-11)
+
+
 def test_a_field_with_a_kink_is_refused() -> None:
     kinked = es.Expression("-sqrt(x**2 + y**2)")
     with pytest.raises(es.InvalidDescription, match=r"not converged|no maximum|no finite"):
@@ -393,6 +406,13 @@ def test_a_ratio_that_is_a_fraction_is_one_however_it_is_stated() -> None:
         assert floated.eigenvalues == pytest.approx(stated.eigenvalues, abs=1e-15)
 
 
+def test_equal_loops_of_different_structure_are_not_mixed_up() -> None:
+    exact, floated = apart("129/128"), apart(129 / 128)
+    assert exact == floated
+    for loop, bases in ((exact, 1), (floated, 2), (exact, 1)):
+        assert len(average(loop).frame.equations.bases) == bases
+
+
 def test_frequencies_in_hertz_have_a_common_period() -> None:
     path = es.Circle(0.1, float(pi / 5))
     moving = es.Moving(es.Quadratic((0, 0), (1, 0.5)), path)
@@ -405,11 +425,11 @@ def test_the_mean_place_of_a_swinging_source() -> None:
     loop = velocity_actuated(
         **{
             "field": es.Moving(es.Quadratic((0, 0), (1, 0.5)), ("0.3*sin(t)**2", "0.3*exp(-t)")),
-            "vehicle.axes.0": 1 / (s - 0.1),
+            "vehicle.axes": (1 / (s - 0.1), 1 / (s - 0.1)),
         }
     )
     found = average(loop)
-    assert found.offset == pytest.approx([0.1 * 0.15 / 0.7, 0], abs=1e-12)
+    assert found.offset == pytest.approx([0.1 * 0.15 / 0.7, 0.1 * 0.3 / 0.3], abs=1e-12)
     assert "more than a constant velocity and sines" in found.text()
 
 

@@ -157,3 +157,10 @@ def test_lyapunov_exponents_of_a_cycle_are_the_real_parts() -> None:
     _, basis = floquet.growth(factors, np.eye(4))
     total, _ = floquet.growth(np.tile(factors, (20, 1, 1)), basis)
     assert total / (20 * period) == pytest.approx([0.2, -0.5, -0.5, -1.5], abs=2e-3)
+
+
+def test_a_mode_that_is_0_to_rounding_does_not_decay() -> None:
+    assert floquet.decays(np.array([-1e-6, -1.0 + 2j]))
+    assert not floquet.decays(np.array([-1e-12, -1.0 + 2j]))
+    assert not floquet.decays(np.array([1e-6, -1.0 + 0j]))
+    assert not floquet.decays(np.empty(0, complex))

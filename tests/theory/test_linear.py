@@ -231,4 +231,11 @@ def test_a_turning_source_out_of_phase() -> None:
     (swing,) = found.tracking
     response = -0.25j / (0.25j + 0.8)  # −S(jω) of L = 0.8/s
     assert swing.error[0] == pytest.approx(response * np.exp(1j * np.pi / 3))
+    back = es.Circle(1.0, -0.25, phase=float(pi / 3))  # cos and sin of π/3 − ω_m t
+    (swing,) = bias(
+        velocity_actuated(field=es.Moving(es.Quadratic((0, 0), (1, 0.5)), back))
+    ).tracking
+    assert swing.frequency == 0.25
+    wanted = np.exp(-1j * np.pi / 3) * np.array([1, 1j])
+    assert swing.source == pytest.approx(wanted)
     assert "tracking" in str(found)

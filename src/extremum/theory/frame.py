@@ -162,7 +162,10 @@ def relative(loop: Loop) -> Frame:
 
 @lru_cache(maxsize=32)
 def _frame(loop: Loop, system: System) -> Frame:
-    """Return the frame; loops that compare equal may differ in structure, as 2 and 2.0 do."""
+    """Return the frame; equal loops may differ in structure, as a ratio "129/128" and its float do.
+
+    Hence their systems are part of the key.
+    """
     ready = located(loop)
     equations = _relative(ready.loop.system, ready.loop.twin)
     values = [*ready.loop.values.tolist(), *(ready.found or ())]
