@@ -58,8 +58,8 @@ def _disagreements(verdict: Verdict) -> Iterator[str]:
     periodic = verdict.average.frame.period() is not None
     if len(averaged_.modes) and _neutral(averaged_.modes):
         yield (
-            "A mode of the averaged loop is 0 to rounding: to first order nothing brings the loop "
-            "back along it, and averaging decides nothing."
+            "A mode of the averaged loop has the real part 0 to rounding: to first order it "
+            "neither decays nor grows, and averaging decides nothing."
         )
     elif exact.silence and averaged_.stable and periodic:
         yield (
