@@ -8,8 +8,6 @@ known by their values only and on platforms without heyoka.
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -26,6 +24,7 @@ from ..symbols import substituted
 from ..system import Oracle, System
 from . import reference, taylor
 from .choice import usual
+from .kept import KEPT, Kept
 from .trajectory import COMPLETED, broken_off
 
 Vector = NDArray[np.float64]
@@ -33,7 +32,6 @@ Vector = NDArray[np.float64]
 TOLERANCE: Final = 1e-16
 """Of each step: what is wanted is Φ − I, small where the loop is slow against the dither."""
 
-KEPT: Final = 64
 MAX_STEPS: Final = 100_000
 
 
@@ -150,7 +148,7 @@ Segment = Callable[[Vector, float, float], tuple[Vector, Vector, str]]
 
 
 def _taylor(system: System, values: Sequence[float], tol: float) -> Segment:
-    integrator, count = _integrator(system, tol), len(system.states)
+    integrator, count = _KEPT.get(system, tol), len(system.states)
     identity = np.eye(count).ravel()
     integrator.pars[:] = values[: len(integrator.pars)]  # up to the last one that occurs
 
@@ -162,41 +160,11 @@ def _taylor(system: System, values: Sequence[float], tol: float) -> Segment:
         reached = integrator.state.copy()
         outcome = COMPLETED
         if integrator.time != end or not np.isfinite(reached).all():
-            time, reached = _last_finite(integrator, start, np.concatenate([state, identity]))
+            time, reached = taylor.last_finite(integrator, start, np.concatenate([state, identity]))
             outcome = broken_off(system, time, reached[:count].tolist(), values)
         return reached[:count], reached[count:].reshape(count, count), outcome
 
     return segment
-
-
-def _last_finite(integrator: Any, time: float, state: Vector) -> tuple[float, Vector]:
-    integrator.time = time
-    integrator.state[:] = state
-    for _ in range(MAX_STEPS):
-        integrator.step()
-        if not np.isfinite(integrator.state).all():
-            break
-        time, state = float(integrator.time), integrator.state.copy()
-    return time, state
-
-
-class _Kept(threading.local):
-    def __init__(self) -> None:
-        self.integrators: OrderedDict[tuple[System, float], Any] = OrderedDict()
-
-
-_KEPT = _Kept()
-
-
-def _integrator(system: System, tol: float) -> Any:
-    kept, key = _KEPT.integrators, (system, tol)
-    if key in kept:
-        kept.move_to_end(key)
-        return kept[key]
-    while len(kept) >= KEPT:
-        kept.popitem(last=False)
-    kept[key] = _compile(system, tol)
-    return kept[key]
 
 
 def _compile(system: System, tol: float) -> Any:
@@ -206,6 +174,9 @@ def _compile(system: System, tol: float) -> Any:
     equations = list(zip(names, rates, strict=True))
     varied = heyoka.var_ode_sys(equations, heyoka.var_args.vars, order=1)
     return heyoka.taylor_adaptive(varied, [0.0] * len(names), tol=tol, compact_mode=True)
+
+
+_KEPT = Kept(_compile)
 
 
 # --- SciPy ------------------------------------------------------------------------------------

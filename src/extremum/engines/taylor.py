@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
@@ -16,9 +14,9 @@ from sympy import Expr
 
 from ..symbols import substituted
 from ..system import System
+from .kept import Kept
 from .trajectory import COMPLETED, Progress, Trajectory, broken_off
 
-KEPT: Final = 64
 CHUNKS: Final = 100
 MAX_LAST_STEPS: Final = 100_000
 
@@ -56,7 +54,7 @@ def integrate(
     progress
         Called with the time reached, now and then.
     """
-    integrator = _integrator(system, tol)
+    integrator = _KEPT.get(system, tol)
     start = system.start(values) if state is None else state
     chunks = [times]
     if progress is not None:
@@ -82,7 +80,7 @@ def integrate(
     count = len(states)
     if not broken:
         return Trajectory(times, states, COMPLETED, float(times[-1]), states[-1])
-    end_time, end_state = _last_finite(integrator, float(times[count - 1]), states[-1])
+    end_time, end_state = last_finite(integrator, float(times[count - 1]), states[-1])
     outcome = broken_off(system, end_time, list(end_state), values)
     return Trajectory(times[:count], states, outcome, end_time, end_state)
 
@@ -95,9 +93,10 @@ def _parts(count: int) -> list[NDArray[np.int64]]:
     return [part for part in np.array_split(np.arange(count), CHUNKS) if len(part)]
 
 
-def _last_finite(
+def last_finite(
     integrator: Any, time: float, state: NDArray[np.float64]
 ) -> tuple[float, NDArray[np.float64]]:
+    """Return the last finite state on the way from a state into infinity, and its time."""
     integrator.time = time
     integrator.state[:] = state
     for _ in range(MAX_LAST_STEPS):
@@ -108,32 +107,15 @@ def _last_finite(
     return time, state
 
 
-class _Kept(threading.local):
-    def __init__(self) -> None:
-        self.integrators: OrderedDict[tuple[System, float], Any] = OrderedDict()
-
-
-_KEPT = _Kept()
-
-
-def _integrator(system: System, tol: float) -> Any:
-    kept = _KEPT.integrators
-    key = (system, tol)
-    if key in kept:
-        kept.move_to_end(key)
-        return kept[key]
-    while len(kept) >= KEPT:
-        kept.popitem(last=False)
-    kept[key] = _compile(system, tol)
-    return kept[key]
-
-
 def _compile(system: System, tol: float) -> Any:
     import heyoka
 
     equations = list(zip(_variables(system), translated(system, system.rhs), strict=True))
     count = len(system.states)
     return heyoka.taylor_adaptive(equations, [0.0] * count, tol=tol, compact_mode=count > 24)
+
+
+_KEPT = Kept(_compile)
 
 
 def _variables(system: System) -> list[Any]:
