@@ -14,7 +14,7 @@ from sympy import Expr, Symbol
 
 from .declarations import is_none
 from .description import Description, part, value
-from .diagram import Diagram
+from .diagram import Diagram, Motion
 from .errors import InvalidDescription, shown
 from .lti import Transfer, TransferFunction, transfer
 from .rational import at_frequency, ratio
@@ -197,12 +197,8 @@ class Controller(Description, abstract=True):
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
     @abstractmethod
-    def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
-        """Return amplitude, frequency and phase of the axis' probe, and the G it goes through.
-
-        The probe is α sin(ωt + φ) through 1/G; G is None for the axis' own. None if the probe is
-        not steady from t = 0.
-        """
+    def motion(self, axis: int) -> Motion | None:
+        """Return the axis' probe; None if it is not steady from t = 0."""
 
 
 def _start_literal(given: Any) -> bool:
@@ -292,7 +288,7 @@ class GradientES(Controller):
                 "choose another frequency or `through`",
             )
 
-    def motion(self, axis: int) -> tuple[Any, Any, Any, Expr | None] | None:
+    def motion(self, axis: int) -> Motion | None:
         """Return (α, ω_i, φ, G), G = 1 for a `Probe`; None with a ramp."""
         if self.probe_ramp is not None:
             return None
@@ -301,7 +297,7 @@ class GradientES(Controller):
             through = None if dither.through is None else dither.through.law()
         else:
             through = sympy.Integer(1)
-        return dither.amplitude, frequency, dither.phase, through
+        return Motion(dither.amplitude, frequency, dither.phase, through)
 
     def compose(
         self,

@@ -7,7 +7,7 @@ blocks into states as they are drawn: this one into differential equations.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import sympy
 from sympy import Expr, Symbol
@@ -18,6 +18,18 @@ from .symbols import cosine, sine, t
 
 RESERVED: Final = frozenset(("position", "input", "source", "sensor", "time", "axis", "t", "s"))
 """Names that results and expressions give a meaning to."""
+
+
+class Motion(NamedTuple):
+    """An axis' probe: α sin(ωt + φ) through 1/G.
+
+    `through` is G, None for the axis' own, whose position then moves as α sin(ωt + φ).
+    """
+
+    amplitude: Any
+    frequency: Any
+    phase: Any
+    through: Expr | None
 
 
 def per_second(unit: str, count: int) -> str:

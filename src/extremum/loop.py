@@ -55,7 +55,7 @@ class OnDither(Start):
         for axis, x in enumerate(self.position):
             motion = controller.motion(axis)
             assert motion is not None
-            swing = vehicle.swing(axis, *motion, time=sympy.Integer(0))
+            swing = vehicle.swing(axis, motion, sympy.Integer(0))
             centre.append(x - swing[0])
             swings += swing
         rest = vehicle.rest(centre)
@@ -211,6 +211,13 @@ class Loop(Description):
     @cached_property
     def _flat(self) -> tuple[tuple[Any, ...], list[float]]:
         return flatten(self)
+
+
+def checked(loop: Any) -> Loop:
+    """Return a loop as it is, and refuse anything else: what every verb does first."""
+    if not isinstance(loop, Loop):
+        raise InvalidDescription("loop", "must be a Loop", shown(loop))
+    return loop
 
 
 _KEPT = 256

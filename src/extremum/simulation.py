@@ -14,7 +14,7 @@ from .engines.choice import ENGINES, usual
 from .engines.trajectory import COMPLETED, LEFT, UNDEFINED, Progress, Trajectory
 from .errors import InvalidDescription, shown
 from .extremes import extremes
-from .loop import Loop
+from .loop import Loop, checked
 from .scenario import Run, Scenario, format_scenario
 from .symbols import axis_names
 from .system import System
@@ -82,9 +82,7 @@ def simulate(
         If `t_end`, `samples`, `tol` or `engine` cannot be right, or the field has no value at the
         start.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
-    times = _times(loop, t_end, samples)
+    times = _times(checked(loop), t_end, samples)
     tol, t_end = positive("tol", tol), positive("t_end", t_end)
     if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))

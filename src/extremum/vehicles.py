@@ -16,7 +16,7 @@ from sympy import Expr, Symbol
 
 from .declarations import is_none
 from .description import Description, part, value
-from .diagram import Diagram
+from .diagram import Diagram, Motion
 from .errors import InvalidDescription, shown
 from .lti import Transfer, realise, transfer
 from .rational import ratio, response_parts
@@ -63,19 +63,8 @@ class Vehicle(Description, abstract=True):
         """Return the state at rest at `position`."""
 
     @abstractmethod
-    def swing(
-        self,
-        axis: int,
-        amplitude: Expr,
-        frequency: Expr,
-        phase: Any,
-        through: Expr | None,
-        time: Expr,
-    ) -> tuple[Expr, ...]:
-        """Return the axis' steady state at `time` under the probe α sin(ωt + φ) through 1/G.
-
-        `through` is that G, None for the axis' own, whose position then is α sin(ωt + φ).
-        """
+    def swing(self, axis: int, motion: Motion, time: Expr) -> tuple[Expr, ...]:
+        """Return the axis' steady state at `time` under its probe."""
 
 
 class PointMass(Vehicle):
@@ -179,16 +168,9 @@ class PointMass(Vehicle):
             states += [x * unit for unit in self._realised(axis).rest]
         return tuple(states)
 
-    def swing(
-        self,
-        axis: int,
-        amplitude: Expr,
-        frequency: Expr,
-        phase: Any,
-        through: Expr | None,
-        time: Expr,
-    ) -> tuple[Expr, ...]:
+    def swing(self, axis: int, motion: Motion, time: Expr) -> tuple[Expr, ...]:
         """Return Im[X_k(jω)/G(jω) · α e^{j(ωt + φ)}] for each state k of the axis."""
+        amplitude, frequency, phase, through = motion
         law = self.axes[axis].law() if through is None else through
         angle = frequency * time
         states = []

@@ -66,7 +66,8 @@ def averaged(equations: Relative, order: int, kept: tuple[Harmonic, ...] = ()) -
     Raises
     ------
     InvalidDescription
-        For the second order of a field that is not a polynomial of position.
+        For the second order of a field that is not a polynomial of position, and for a controller
+        that is not linear in the sensed signal.
     """
     waves = [symbol for o in equations.oscillators for symbol in (o.sine, o.cosine)]
     law = equations.leading if order == 1 else dict(equations.signals)[equations.signal]
@@ -154,7 +155,11 @@ def _mean(
     """Return the mean of a + b J, from b's harmonics and J's."""
     polynomial = Poly(sympy.expand(rate), equations.signal)
     if polynomial.degree() > 1:
-        raise NotImplementedError("the rates are not affine in the sensed signal")
+        raise InvalidDescription(
+            "controller",
+            "multiplies the sensed signal by itself; averaging takes controllers that are linear "
+            "in it, such as GradientES",
+        )
     free = series(sympy.expand(polynomial.nth(0)), equations.oscillators).mean
     driven = series(sympy.expand(polynomial.nth(1)), equations.oscillators)
     zero = (0,) * len(equations.bases)

@@ -28,7 +28,7 @@ from .demodulation import demodulation
 from .equilibria import nearest, real_solutions
 from .equilibrium import equilibrium_law, held
 from .floquet import decays
-from .frame import Frame, evaluated, relative
+from .frame import Frame, relative
 from .path import averaged_system, path
 from .routh import RouthArray
 
@@ -105,8 +105,8 @@ class Average:
         """
         law = self.equilibrium_law
         if law is not None:
-            found = evaluated(tuple(law.values()), self.system)(self.values)
-            return np.array(found, dtype=float) if np.isfinite(found).all() else None
+            found = self.frame.numbers(law.values())
+            return found if np.isfinite(found).all() else None
         return nearest(
             lambda x: self._at(x)[0], lambda x: self._at(x)[1], np.zeros(len(self.states))
         )
@@ -200,8 +200,7 @@ class Average:
     @cached_property
     def hessian(self) -> Vector:
         """H in numbers, (axes, axes)."""
-        flat = evaluated(tuple(self.hessian_law.flat()), self.system)(self.values)
-        return np.array(flat, dtype=float).reshape(self.hessian_law.shape)
+        return self.frame.numbers(self.hessian_law)
 
     @property
     def demodulation_law(self) -> ImmutableMatrix:
@@ -211,15 +210,13 @@ class Average:
     @cached_property
     def demodulation(self) -> Vector:
         """M in numbers (m), (channels, axes): ½ diag(α) in the ideal."""
-        flat = evaluated(tuple(self.demodulation_law.flat()), self.system)(self.values)
-        return np.array(flat, dtype=float).reshape(self.demodulation_law.shape)
+        return self.frame.numbers(self.demodulation_law)
 
     @cached_property
     def demodulation_limit(self) -> Vector:
         """M as ω → ∞, in which the washout passes the dither unchanged (m), (channels, axes)."""
-        law = demodulation(self.frame.equations, self.frame.loop.twin, limit=True)
-        flat = evaluated(tuple(law.flat()), self.system)(self.values)
-        return np.array(flat, dtype=float).reshape(law.shape)
+        frame = self.frame
+        return frame.numbers(demodulation(frame.equations, frame.loop.twin, limit=True))
 
     def simulate(self, t_end: float, *, samples: int = 2000, tol: float = 1e-10) -> xarray.Dataset:
         """Integrate the averaged equations from the loop's own start, to draw over the true path.
@@ -281,8 +278,6 @@ def average(loop: Loop, *, order: int = 1) -> Average:
     Source: Zhang, Siranosian and Krstić (2007), (7) to (14), (24) to (31), (49) to (54), of which
     (27), (31), (52) and (54) are corrected here; see docs/errata.md.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     if order not in (1, 2):
         raise InvalidDescription("order", "must be 1 or 2", shown(order))
     frame = relative(loop)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidDescription, shown
-from ..loop import Loop
+from ..loop import Loop, checked
 from ..validation import positive
 from . import branch
 from .averaging import average
@@ -160,12 +160,10 @@ def critical_frequency(loop: Loop, low: float, high: float) -> Critical:
     -----
     A `Probe`'s amplitude is scaled with 1/|G(jω)|; references keep their phases.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     low, high = positive("low", low), positive("high", high)
     if low >= high:
         raise InvalidDescription("high", f"must be greater than low = {low:g}", shown(high))
-    top = loop.replace(branch.changes(loop, high))
+    top = checked(loop).replace(branch.changes(loop, high))
     predicted = average(top)
     frame = predicted.frame
     if not branch.rests(frame):

@@ -17,11 +17,13 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 import sympy
+from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
 from ..engines.trajectory import UNDEFINED
-from ..loop import Loop
+from ..loop import Loop, checked
 from ..parameters import Parameter
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
@@ -110,6 +112,12 @@ class Frame:
         """The exact equations in relative coordinates."""
         return self.equations.system
 
+    def numbers(self, law: Any) -> NDArray[np.float64]:
+        """Return a matrix or a sequence of expressions in numbers, NaN if one has none."""
+        matrix = isinstance(law, sympy.MatrixBase)
+        found = evaluated(tuple(law.flat() if matrix else law), self.system)(self.values)
+        return np.array(found, dtype=float).reshape(law.shape if matrix else len(found))
+
     def frequencies(self) -> tuple[float, ...]:
         """Return every angular frequency (rad/s): the dithers', then the source's."""
         base, multiples = self._multiples()
@@ -155,7 +163,7 @@ def relative(loop: Loop) -> Frame:
         If the field states no source and none is found uphill from the start.
     """
     try:
-        return _frame(loop, loop.system)
+        return _frame(checked(loop), loop.system)
     except TypeError:  # an opaque field's callable that cannot be hashed
         return _frame.__wrapped__(loop, loop.system)
 
@@ -307,7 +315,7 @@ def _swings(twin: Loop, dithers: Sequence[Oscillator]) -> tuple[Expr, ...]:
     for axis in range(twin.vehicle.dimension()):
         motion = twin.controller.motion(axis)
         assert motion is not None
-        swings += (turned(e, dithers) for e in twin.vehicle.swing(axis, *motion, time=time))
+        swings += (turned(e, dithers) for e in twin.vehicle.swing(axis, motion, time))
     return tuple(swings)
 
 

@@ -164,8 +164,6 @@ def loop_gain(loop: Loop) -> LoopGain:
         If the field states no source and none is found uphill from the start; for a vehicle with
         an axis that is no transfer function, and a controller that does not demodulate.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     frame = relative(loop)
     return LoopGain(frame, _matrix(frame.equations, frame.loop.twin))
 

@@ -82,8 +82,6 @@ def lyapunov(loop: Loop, window: float, *, transient: float | None = None) -> Ly
     InvalidDescription
         If a time is not positive, or there is no source.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     window = positive("window", window)
     transient = window / 3 if transient is None else positive("transient", transient)
     predicted = average(loop)

@@ -31,7 +31,7 @@ from .demodulation import gradient
 from .drift import drift
 from .equilibrium import MAX_TERMS, quotient
 from .fourier import series, turned
-from .frame import Frame, Relative, evaluated
+from .frame import Frame, Relative
 from .hurwitz import summands
 from .linear import LoopGain, linear, loop_gain, polynomial
 from .routh import permanent
@@ -87,17 +87,14 @@ class Bias:
     @cached_property
     def parts(self) -> dict[str, Vector]:
         """Cause → the mean of x̃ (m), per axis."""
-        return {cause: self._numbers(law) for cause, law in self.laws.items()}
+        return {cause: self.frame.numbers(law) for cause, law in self.laws.items()}
 
     @property
     def total(self) -> Vector:
         """The mean of x̃ (m), per axis: the sum of all parts; infinite where it grows."""
-        rates = self._numbers(self.growth)
+        rates = self.frame.numbers(self.growth)
         held = sum(self.parts.values(), np.zeros(len(rates)))
         return np.where(rates == 0, held, np.copysign(np.inf, rates))
-
-    def _numbers(self, law: tuple[Expr, ...]) -> Vector:
-        return np.array(evaluated(law, self.frame.system)(self.frame.values), dtype=float)
 
     def __str__(self) -> str:
         names = [symbol_text(f"{name}tilde") for name in axis_names(len(self.growth))]
@@ -138,7 +135,7 @@ def bias(loop: Loop) -> Bias:
     gain = loop_gain(loop)
     frame = gain.frame
     balance = _balance(frame.equations, frame.loop.twin)
-    _check(_number(balance.matrix, frame))
+    _check(frame.numbers(balance.matrix))
     laws, growth = _closed(balance) if balance.short else _solved(balance, frame)
     if averaged(frame.equations, 1).moments is not None:
         laws = {**laws, **_left_over(loop, Bias(frame, laws, growth, ()))}
@@ -196,18 +193,14 @@ def _closed(balance: _Balance) -> tuple[Laws, tuple[Expr, ...]]:
 
 def _solved(balance: _Balance, frame: Frame) -> tuple[Laws, tuple[Expr, ...]]:
     """Return the same in numbers."""
-    matrix = _number(balance.matrix, frame)
+    matrix = frame.numbers(balance.matrix)
 
     def solved(side: Any) -> tuple[Expr, ...]:
-        found = np.linalg.solve(matrix, _number(side, frame)[:, 0])
+        found = np.linalg.solve(matrix, frame.numbers(side)[:, 0])
         return tuple(sympy.Float(float(x)) if x else sympy.Integer(0) for x in found)
 
     laws = {cause: solved(side) for cause, side in balance.causes.items()}
     return laws, solved(balance.growing)
-
-
-def _number(part: Any, frame: Frame) -> Vector:
-    return np.array(evaluated(tuple(part.flat()), frame.system)(frame.values)).reshape(part.shape)
 
 
 def _check(matrix: Vector) -> None:
@@ -249,13 +242,11 @@ def _left_over(loop: Loop, known: Bias) -> Laws:
 def _tracking(gain: LoopGain) -> tuple[Tracking, ...]:
     """Return the errors −S(jω) r at the frequencies at which the source swings."""
     frame = gain.frame
-    system, values = frame.system, frame.values
     amplitudes: dict[float, NDArray[np.complex128]] = {}
     for axis, r in enumerate(frame.equations.source):
         for wave in drift(r).waves:
-            size, frequency, phase = evaluated(
-                (wave.coefficient, wave.frequency, wave.phase), system
-            )(values)
+            law = (wave.coefficient, wave.frequency, wave.phase)
+            size, frequency, phase = frame.numbers(law).tolist()
             if frequency < 0:  # sin(−a) = −sin a
                 size, frequency, phase = -size, -frequency, -phase
             empty = np.zeros(gain.matrix.rows, dtype=np.complex128)

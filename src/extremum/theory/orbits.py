@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..engines import shooting
 from ..engines.shooting import Closed
-from ..errors import InvalidDescription, shown
+from ..errors import InvalidDescription
 from ..loop import Loop
-from ..symbols import axis_names
 from . import branch, floquet
 from .averaging import Average, average
 from .excursion import orbit_about
 from .frame import Frame
+from .labelled import labelled
 from .periods import slow_frequencies
 
 if TYPE_CHECKING:
@@ -189,8 +189,6 @@ class Orbit:
         InvalidDescription
             If there is no orbit.
         """
-        import xarray
-
         if self.closed is None:
             raise InvalidDescription("", f"there is no orbit to sample: {self.outcome}")
         system, values, closed = self.frame.system, self.frame.values, self.closed
@@ -198,18 +196,7 @@ class Orbit:
         times, states = shooting.sampled(system, values, closed, each)
         times = np.append(times, closed.period)
         states = np.concatenate([states, states[:1]])
-        outputs = system.evaluate(times, states, values)
-        units = [system.units[symbol] for symbol in system.inputs]
-        named = {"position": "m", "source": "m", "offset": "m", "input": ", ".join(units)}
-        variables: dict[str, Any] = {
-            name: (("time", "axis"), outputs[name], {"units": unit}) for name, unit in named.items()
-        }
-        variables["J"] = ("time", outputs["J"][:, 0], {"units": "1"})
-        for symbol, state in zip(system.states, states.T, strict=True):
-            variables[str(symbol)] = ("time", state, {"units": system.units[symbol]})
-        axes = list(axis_names(outputs["position"].shape[1]))
-        coordinates = {"time": ("time", times, {"units": "s"}), "axis": axes}
-        return xarray.Dataset(variables, coordinates, {"period": closed.period})
+        return labelled(system, times, states, values, {"period": closed.period})
 
     @cached_property
     def _samples(self) -> tuple[Vector, dict[str, Vector]]:
@@ -261,8 +248,6 @@ def periodic_orbit(loop: Loop) -> Orbit:
     The orbit is that of theorems 1 to 4 of Zhang, Siranosian and Krstić (2007); its exponents
     decide stability at finite ω, where the averaged eigenvalues decide for ω → ∞.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     return orbit_of(average(loop))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy
@@ -12,11 +12,12 @@ from sympy import Expr
 
 from ..engines.choice import ENGINES, usual
 from ..errors import InvalidDescription, shown
-from ..symbols import axis_names, substituted
+from ..symbols import substituted
 from ..symbols import t as time
 from ..system import Oracle, System
 from .averaged import Averaged
 from .fourier import unturned
+from .labelled import labelled
 
 if TYPE_CHECKING:
     import xarray
@@ -79,19 +80,10 @@ def path(
     system: System, values: list[float], t_end: float, samples: int, tol: float
 ) -> xarray.Dataset:
     """Return the averaged path from the loop's own start; see `Average.simulate`."""
-    import xarray
-
     engine = ENGINES[usual(system)]
     if isinstance(samples, bool) or not isinstance(samples, int) or samples < 2:
         raise InvalidDescription("samples", "must be a whole number greater than 1", shown(samples))
     times = np.linspace(0.0, t_end, samples)
     run = engine.integrate(system, values, times, tol=tol)
-    outputs = system.evaluate(run.times, run.states, values)
-    variables: dict[str, Any] = {
-        name: (("time", "axis"), output, {"units": "m"}) for name, output in outputs.items()
-    }
-    for symbol, state in zip(system.states, run.states.T, strict=True):
-        variables[str(symbol)] = (("time",), state, {"units": system.units[symbol]})
-    axes = list(axis_names(outputs["position"].shape[1]))
     attrs = {"outcome": run.outcome, "end_time": run.end_time}
-    return xarray.Dataset(variables, {"time": run.times, "axis": axes}, attrs)
+    return labelled(system, run.times, run.states, values, attrs)

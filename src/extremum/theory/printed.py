@@ -219,7 +219,7 @@ def _unlike_numbers(frame: Frame, scheme: _Scheme) -> str | None:
         motion = frame.loop.controller.motion(axis)
         assert motion is not None
         assert plant is not None
-        through, own = ratio(plant if motion[3] is None else motion[3]), ratio(plant)
+        through, own = ratio(plant if motion.through is None else motion.through), ratio(plant)
         if through != own and (scheme.theorem < 3 or through != ratio(1 / s)):
             return (
                 f"Axis {name}'s dither goes through {through}; the paper's go through the axis' "

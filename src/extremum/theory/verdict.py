@@ -10,7 +10,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidDescription, shown
 from ..loop import Loop
 from .averaging import Average, average
 from .conditions import Condition
@@ -176,8 +175,6 @@ def stability(loop: Loop) -> Verdict:
     -----
     Source: Zhang, Siranosian and Krstić (2007), (32) to (40), (60) to (64), theorems 1 to 4.
     """
-    if not isinstance(loop, Loop):
-        raise InvalidDescription("loop", "must be a Loop", shown(loop))
     predicted = average(loop)
     found = orbit_of(predicted)
     along = None
