@@ -440,6 +440,22 @@ def test_a_continuum_of_equilibria_is_no_error() -> None:
     assert not found.stable
 
 
+class Squaring(es.GradientES):
+    """Seeks the maximum of J², which it computes itself."""
+
+    def compose(self, diagram: Any, signal: Any, plants: Any, inputs: Any, units: Any) -> Any:
+        squared = diagram.signal("J_2", signal**2, "1")
+        return super().compose(diagram, squared, plants, inputs, units)
+
+
+def test_a_controller_that_multiplies_the_signal_by_itself_is_refused() -> None:
+    loop = velocity_actuated()
+    usual: Any = loop.controller
+    squaring = Squaring(usual.frequency, usual.washout, usual.channels)
+    with pytest.raises(es.InvalidDescription, match="multiplies the sensed signal by itself"):
+        average(loop.replace({"controller": squaring}))
+
+
 def test_orders_other_than_one_and_two_are_refused() -> None:
     with pytest.raises(es.InvalidDescription, match="order = 3: must be 1 or 2"):
         average(velocity_actuated(), order=3)

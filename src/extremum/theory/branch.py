@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from ..loop import Loop
 from ..rational import at_frequency
 from . import floquet
 from .averaging import Average, average
+from .demodulation import gradient
 from .frame import Frame
 from .periods import slow_frequencies
 
@@ -99,8 +100,7 @@ def rests(frame: Frame) -> bool:
 
 def frequency(loop: Loop) -> float:
     """Return ω of the loop (rad/s)."""
-    controller: Any = loop.controller
-    return float(controller.frequency)
+    return float(loop.controller.base())
 
 
 def changes(loop: Loop, wanted: float) -> dict[str, float]:
@@ -109,7 +109,7 @@ def changes(loop: Loop, wanted: float) -> dict[str, float]:
     A `Dither` states that; a `Probe`'s amplitude is scaled with 1/|G(jω)|. References keep their
     phases.
     """
-    controller: Any = loop.controller
+    controller = gradient(loop)
     changed = {"controller.frequency": wanted}
     for axis, channel in enumerate(controller.channels):
         if isinstance(channel.dither, Probe):

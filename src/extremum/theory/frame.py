@@ -128,7 +128,7 @@ class Frame:
         controller: Any = self.loop.twin.controller
         ratios = tuple(sympy.cancel(c / controller.base()) for c in self.system.carriers)
         base = float(self.loop.controller.base())
-        numbers = evaluated(ratios, self.system)(self.values)
+        numbers = self.numbers(ratios).tolist()
         multiples = [
             Fraction(int(law.p), int(law.q)) if isinstance(law, sympy.Rational) else fraction(n)
             for law, n in zip(ratios, numbers, strict=True)
@@ -137,7 +137,7 @@ class Frame:
 
     def turning(self) -> tuple[float, ...]:
         """Return the angular frequencies (rad/s) of the source's path and the field alone."""
-        slow = evaluated(slow_frequencies(self.system) or (), self.system)(self.values)
+        slow = self.numbers(slow_frequencies(self.system) or ()).tolist()
         return tuple(abs(f) for f in slow if f)
 
     def period(self) -> tuple[float, int] | None:

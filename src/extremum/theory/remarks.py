@@ -13,7 +13,6 @@ from ..printing import expression_text, symbol_text
 from ..symbols import axis_names, s
 from .collisions import coupling
 from .demodulation import gradient
-from .frame import evaluated
 from .linear import hidden_modes, pole_text
 
 if TYPE_CHECKING:
@@ -112,9 +111,7 @@ def _shape(verdict: Verdict) -> Iterator[str]:
 
 def _trust(verdict: Verdict) -> Iterator[str]:
     model = verdict.average
-    frequency = min(
-        abs(f) for f in evaluated(model.frame.system.carriers, model.frame.system)(model.values)
-    )
+    frequency = float(model.frame.numbers(model.frame.system.carriers).min())
     washout = gradient(model.frame.loop).washout
     if washout > SLOW * frequency:
         yield _warned(f"h/ω = {washout / frequency:.2g}", "the washout turns the dither")
