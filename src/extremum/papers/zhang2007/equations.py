@@ -51,6 +51,7 @@ _PRINTED: Final = ("theory.printed.printed_conditions", "theory.printed.correcte
 _ORBIT: Final = ("theory.orbits.periodic_orbit", "papers.zhang2007.theorems.theorem")
 _HERE: Final = "papers/test_equations.py::"
 _THEOREMS: Final = "papers/test_theorems.py::"
+_PROCEDURES: Final = "papers/test_procedures.py::"
 _CONDITIONS: Final = "theory/test_printed.py::"
 
 EQUATIONS: Final = (
@@ -113,8 +114,12 @@ EQUATIONS: Final = (
         (f"{_HERE}test_the_average_of_fig_2",),
     ),
     Equation(
-        *(32, 40, "Theorem 2's conditions, with z instead of z + h", "corrected", _PRINTED),
-        (f"{_CONDITIONS}test_the_conditions_of_theorem_2",),
+        *(32, 40, "Theorem 2's conditions, with z instead of z + h; a design", "corrected"),
+        (*_PRINTED, "papers.zhang2007.procedures.for_double_integrators"),
+        (
+            f"{_CONDITIONS}test_the_conditions_of_theorem_2",
+            f"{_PROCEDURES}test_every_root_decays_at_every_curvature",
+        ),
     ),
     Equation(
         *(41, 41, "by its place Theorem 2's bound, O(1/ω)", "lost", _ORBIT),
@@ -155,8 +160,12 @@ EQUATIONS: Final = (
         (f"{_HERE}test_the_average_of_fig_3",),
     ),
     Equation(
-        *(60, 64, "Theorem 4's conditions, with pε − gz > 0", "corrected", _PRINTED),
-        (f"{_CONDITIONS}test_the_conditions_of_theorem_4",),
+        *(60, 64, "Theorem 4's conditions, with pε − gz > 0; a design", "corrected"),
+        (*_PRINTED, "papers.zhang2007.procedures.for_unstable_poles"),
+        (
+            f"{_CONDITIONS}test_the_conditions_of_theorem_4",
+            f"{_PROCEDURES}test_the_corrected_steps_are_safe_at_every_curvature_and_pole",
+        ),
     ),
     Equation(
         *(65, 65, "Theorem 4: the orbit is within O(1/ω), w included", "not as measured"),

@@ -143,7 +143,9 @@ ERRATA: Final = (
         "The design after (64): p = −α c k q̲ and z < −h",
         "Every such design is stable.",
         "z < −ε q̲/q in each axis, for which z < −ε suffices. The washout does not enter.",
-        "It repeats erratum 2. With h < ε the printed step (3) allows unstable designs.",
+        "It repeats erratum 2. With h < ε the printed step (3) allows unstable designs, with h > ε "
+        "it forbids stable ones. Step (2) is right. Both columns as functions, with proofs and "
+        "runs: `extremum.papers.zhang2007.procedures`.",
         "h = 0.1, ε = 0.5, q̲ = 0.5, αck = 2, p = −1, q = (1, 0.5): −ε q̲/q = (−0.25, −0.5)",
         claims.design,
     ),
@@ -153,7 +155,8 @@ ERRATA: Final = (
         "“the robustness of the extremum seeking loop itself cannot stabilize the system”.",
         "The averaged pole is ε − αcq: gain alone stabilises it. What remains is the bias "
         "ε x*/(αcq − ε), and what it does to the validity of averaging.",
-        "The lead does not remove the bias either; integral action does.",
+        "The lead does not remove the bias either: with p = −αckq̲ and |z| < |p| it leaves a larger "
+        "one than C = k. Integral action removes it.",
         "ε = 0.5, C = 1, α = 0.05, ω = 60, αcq = 2 in both axes",
         claims.medium_pole,
     ),

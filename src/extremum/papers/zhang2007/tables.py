@@ -32,6 +32,13 @@ class Table:
             for row in self.rows
         ]
 
+    def text(self) -> str:
+        """Return the table as plain text, its columns aligned."""
+        lines = [[heading for heading, _ in self.columns], *self.cells()]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        padded = ((cell.ljust(w) for cell, w in zip(line, widths, strict=True)) for line in lines)
+        return "\n".join("  ".join(cells).rstrip() for cells in padded)
+
     def markdown(self) -> str:
         """Return the table for the documentation."""
         headings = [heading for heading, _ in self.columns]
