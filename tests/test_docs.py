@@ -75,7 +75,7 @@ def documented(cls: type[Description]) -> list[str]:
 
 def test_every_key_of_a_scenario_is_documented_as_it_is_declared() -> None:
     text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
-    internal = {"Loop", "Scenario", "TransferFunction", "InState", "Opaque"}
+    internal = {"Scenario", "TransferFunction", "InState", "Opaque"}
     for name, cls in Description.registry.items():
         if name not in internal and cls.__module__.startswith("extremum."):
             assert f"### {name}\n" in text

@@ -200,6 +200,13 @@ class Controller(Description, abstract=True):
     def motion(self, axis: int) -> Motion | None:
         """Return the axis' probe; None if it is not steady from t = 0."""
 
+    def ripple(self, axis: int) -> Motion:
+        """Return what a constant sensed signal adds to the axis' input: nothing, unless it says so.
+
+        Its amplitude is an expression of the signals that `compose` binds.
+        """
+        return Motion(sympy.Integer(0), self.base(), 0.0, sympy.Integer(1))
+
 
 def _start_literal(given: Any) -> bool:
     if isinstance(given, str):
@@ -298,6 +305,13 @@ class GradientES(Controller):
         else:
             through = sympy.Integer(1)
         return Motion(dither.amplitude, frequency, dither.phase, through)
+
+    def ripple(self, axis: int) -> Motion:
+        """Return c ξ sin(ω_i t + ψ) through C, what a constant ξ is demodulated to."""
+        channel = self.channels[axis]
+        phase = (channel.reference or channel.dither).phase
+        amplitude = channel.gain * Symbol("xi", real=True)
+        return Motion(amplitude, self.frequencies()[axis], phase, 1 / channel.compensator.law())
 
     def compose(
         self,

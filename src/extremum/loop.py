@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import sympy
@@ -19,7 +19,9 @@ from .description import Description, flatten, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
+from .lti import Transfer, TransferFunction, settled, static_gain, transfer
 from .parameters import symbolic
+from .rational import ratio
 from .symbols import axis_names, coordinates, plain
 from .system import System
 from .vehicles import Vehicle
@@ -100,6 +102,10 @@ class Loop(Description):
     start
         The vehicle's position at t = 0 (it starts at rest there), or `OnDither`, or a mapping of
         every vehicle state's name to its value.
+    sensor
+        F(s), proper and stable: what the controller receives is F(s)[J] instead of J, such as
+        ``1/(2.96*s + 1)`` of a gas sensor, or a Padé approximation of a delay. It has settled on
+        J(0) when the loop starts. The default 1 is no sensor at all.
 
     Raises
     ------
@@ -121,6 +127,12 @@ class Loop(Description):
         role=Start,
         literal=lambda given: isinstance(given, Start),
     )
+    sensor: Transfer = part(
+        Transfer,
+        "F(s) from J to what is sensed, stable",
+        default=TransferFunction(),
+        converter=lambda given: transfer(given),
+    )
 
     def check(self) -> None:
         """Refuse parts that do not fit each other."""
@@ -141,6 +153,7 @@ class Loop(Description):
         if wanted is None:
             self._check_field(axes)
         self._check_probes()
+        self._check_sensor()
 
     def _check_start(self, axes: int) -> None:
         if isinstance(self.start, InState):
@@ -180,6 +193,20 @@ class Loop(Description):
         for axis, plant in enumerate(self.vehicle.dynamics()):
             self.controller.check_plant(axis, plant)
 
+    def _check_sensor(self) -> None:
+        growing = [p for p in self.sensor.poles if p.real >= -UNDAMPED * abs(p)]
+        if growing:
+            raise InvalidDescription(
+                "sensor",
+                f"is not stable: its pole at {growing[0]:.6g} 1/s does not decay, so that it would "
+                "never settle on J; every pole needs a negative real part",
+                shown(self.sensor),
+            )
+        if self.sensor.law() == 0:
+            raise InvalidDescription(
+                "sensor", "is 0: the controller would receive nothing of J; 1 is no sensor", "0"
+            )
+
     @property
     def system(self) -> System:
         """The loop's equations, shared by all loops of the same structure."""
@@ -203,6 +230,12 @@ class Loop(Description):
                 _SYSTEMS[skeleton] = _assemble(self)
             return _SYSTEMS[skeleton]
 
+    def rest(self, signal: Expr) -> tuple[Expr, ...]:
+        """Return the sensor's and the controller's states at rest under a constant J = `signal`."""
+        law = self.sensor.law()
+        sensed = static_gain(law) * signal
+        return (*(e * signal for e in settled(law)), *self.controller.rest(sensed))
+
     @property
     def values(self) -> NDArray[np.float64]:
         """The numbers, in the order of ``system.parameters``."""
@@ -219,6 +252,12 @@ def checked(loop: Any) -> Loop:
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
     return loop
 
+
+UNDAMPED: Final = 1e-9
+"""Damping ratio of a sensor's pole below which it is not taken for stable."""
+
+SENSED: Final = Symbol("J_s", real=True)
+"""What the controller receives where there is a sensor; J itself where there is none."""
 
 _KEPT = 256
 _LOCK = threading.RLock()
@@ -247,7 +286,8 @@ def _compose(loop: Loop, reserved: frozenset[str]) -> tuple[System, Loop]:
     initial = _initial(twin.start, twin.vehicle, twin.controller)
     body = twin.vehicle.compose(diagram, inputs, initial)
     signal = diagram.signal("J", twin.field.law(body.sensor), "1")
-    twin.controller.compose(diagram, signal, twin.vehicle.dynamics(), names, units)
+    sensed = _sensed(diagram, twin.sensor.law(), signal)
+    twin.controller.compose(diagram, sensed, twin.vehicle.dynamics(), names, units)
     outputs: dict[str, tuple[Expr, ...]] = {
         "position": body.position,
         "sensor": body.sensor,
@@ -270,6 +310,16 @@ def _compose(loop: Loop, reserved: frozenset[str]) -> tuple[System, Loop]:
         oracles=MappingProxyType(dict(loop.field.oracles())),
     )
     return system, twin
+
+
+def _sensed(diagram: Diagram, law: Expr, signal: Symbol) -> Symbol:
+    """Draw the sensor, settled on J(0); return what the controller receives."""
+    if law == 1:
+        return signal
+    order = ratio(law).order
+    states = ["zeta_J" + (f"_{i + 1}" if order > 1 else "") for i in range(order)]
+    begun = [e * signal for e in settled(law)]
+    return diagram.signal(SENSED.name, diagram.filter(law, signal, states, "1", begun), "1")
 
 
 def _initial(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:

@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
+import numpy as np
 import sympy
 from sympy import Expr, Symbol
 
-from .description import Description, structure, value
+from .description import Description, flatten, structure, value
 from .errors import InvalidDescription, shown
 from .parameters import symbolic
 from .rational import Ratio, ratio
-from .symbols import decimals_exact, exact, letters, parse, plain, s
+from .symbols import decimals_exact, exact, letters, parse, plain, s, substituted
 
 
 class Transfer(Description, abstract=True):
@@ -42,6 +43,14 @@ class Transfer(Description, abstract=True):
         """Numerator and denominator with letters for the numbers: what is structure, not chance."""
         twin, _ = symbolic(self, 1, {})
         return ratio(twin.law())
+
+    @cached_property
+    def poles(self) -> tuple[complex, ...]:
+        """The poles (1/s) of its states, also those that a zero cancels by chance of numbers."""
+        _, parameters = symbolic(self, 1, {})
+        numbers = map(plain, flatten(self)[1])
+        table = {p.symbol: number for p, number in zip(parameters, numbers, strict=True)}
+        return tuple(np.roots([float(substituted(c, table)) for c in self.form.denominator]))
 
     def relative_degree(self) -> int:
         """Return the denominator's degree minus the numerator's."""
@@ -242,6 +251,20 @@ def realise(expression: Expr, entering: Expr, states: tuple[Symbol, ...]) -> Rea
     for ai, bi in zip(a[:-1], b[:-1], strict=True):
         response.append(s * response[-1] + ai * strictly_proper - bi)
     return Realisation(states, rates, output, (sympy.Integer(1), *a[:-1]), tuple(response))
+
+
+def settled(expression: Expr) -> tuple[Expr, ...]:
+    """Return the states of a stable G(s) that has come to rest under the constant input 1."""
+    states = tuple(sympy.Dummy() for _ in range(ratio(expression).order))
+    responses = realise(expression, sympy.Integer(0), states).response
+    still = {s: sympy.Integer(0)}
+    return tuple(sympy.factor(substituted(sympy.cancel(e), still)) for e in responses)  # pyright: ignore[reportReturnType]
+
+
+def static_gain(expression: Expr) -> Expr:
+    """Return G(0) of a stable G(s)."""
+    form = ratio(expression)
+    return form.numerator[-1] / form.denominator[-1]  # pyright: ignore[reportReturnType]
 
 
 # --- reading what a user wrote ----------------------------------------------------------------

@@ -88,11 +88,12 @@ class _Names:
             return tuple(
                 tuple(upper[min(i, j), max(i, j)] for j in range(size)) for i in range(size)
             )
-        per_axis = (meta.kind == "value" and axis is None) or meta.per_axis
+        of_axes = meta.kind == "value" and axis is None and meta.shape != "coefficients"
+        per_axis = of_axes or meta.per_axis
         return tuple(
             self.twin(entry, f"{path}.{i}", self.label(i) if per_axis else axis, meta)
             if per_axis
-            else self.twin(entry, f"{path}.{i}", f"{axis}{i}", meta)
+            else self.twin(entry, f"{path}.{i}", f"{axis or ''}{i}", meta)
             for i, entry in enumerate(item)
         )
 

@@ -1,26 +1,15 @@
-"""Scenario files: TOML ⇄ `Loop`, without loss.
-
-The keys are the names of the descriptions' fields and the tables nest as they do; a text stands
-wherever mathematics may (``"1/s"``, ``"-pi/2"``). Nothing in a file is evaluated as code.
-"""
+"""Scenario files: TOML ⇄ `Loop`, without loss; see `documents`."""
 
 from __future__ import annotations
 
-import dataclasses
-import os
-import tomllib
 from collections.abc import Mapping
-from fractions import Fraction
-from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from .declarations import Meta, Table
-from .description import Description, declarations, part, structure, value
-from .errors import InvalidDescription, shown, suggestion
-from .gridded import Grid
-from .loop import InState, Loop
-from .lti import Transfer, transfer
+from .description import Description, part, structure, value
+from .documents import Reader, entries, opened, parsed, table, written
+from .errors import InvalidDescription, shown
+from .loop import Loop
 from .validation import number
 
 
@@ -133,7 +122,8 @@ class Scenario(Description):
                 )
 
 
-_TOP = ("title", "note", "run", "field", "vehicle", "controller", "start", "view")
+_LOOP = ("field", "vehicle", "controller", "start", "sensor")
+_TOP = ("title", "note", "run", *_LOOP, "view")
 
 
 def parse_scenario(text: str, folder: Path | str = ".") -> Scenario:
@@ -144,25 +134,15 @@ def parse_scenario(text: str, folder: Path | str = ".") -> Scenario:
     InvalidDescription
         With the dotted path, the value and what would be right.
     """
-    if not isinstance(text, str):
-        raise InvalidDescription("", "must be text", shown(text))
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidDescription("", f"this is not TOML: {error}") from None
-    except RecursionError:
-        raise InvalidDescription("", "this TOML is nested too deeply") from None
-    for key in data:
-        if key not in _TOP:
-            raise InvalidDescription(key, f"there is no such entry; {suggestion(key, _TOP)}")
-    reader = _Reader(Path(folder))
-    loop = {key: data[key] for key in ("field", "vehicle", "controller", "start") if key in data}
+    data = parsed(text, _TOP)
+    reader = Reader(Path(folder))
+    loop = {key: data[key] for key in _LOOP if key in data}
     rest = {key: data[key] for key in ("title", "note") if key in data}
     try:
         return Scenario(
             loop=reader.build(Loop, loop, ""),
-            run=reader.build(Run, _table(data, "run"), "run"),
-            view=reader.build(View, _table(data, "view", {}), "view"),
+            run=reader.build(Run, table(data, "run"), "run"),
+            view=reader.build(View, table(data, "view", {}), "view"),
             **rest,
         )
     except RecursionError:
@@ -177,18 +157,7 @@ def load_scenario(path: Path | str) -> Scenario:
     InvalidDescription
         If the file is missing or unreadable, or states no scenario.
     """
-    try:
-        path = Path(path)
-    except TypeError:
-        raise InvalidDescription("", "must be a path", shown(path)) from None
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InvalidDescription("", f"{path} is not text (UTF-8)") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InvalidDescription("", f"cannot read {path}: {reason}") from None
-    return parse_scenario(text, path.parent)
+    return parse_scenario(*opened(path))
 
 
 def format_scenario(scenario: Scenario) -> str:
@@ -206,136 +175,9 @@ def format_scenario(scenario: Scenario) -> str:
         raise InvalidDescription("", reason, type(scenario).__name__)
     data: dict[str, Any] = {key: getattr(scenario, key) for key in ("title", "note")}
     data = {key: text for key, text in data.items() if text}
-    data |= {"start": _written(scenario.loop.start, None)}
-    data |= {"run": _entries(scenario.run)}
-    data |= _entries(scenario.loop)
+    data |= {"start": written(scenario.loop.start)}
+    data |= {"run": entries(scenario.run)}
+    data |= entries(scenario.loop)
     if scenario.view != View():
-        data["view"] = _entries(scenario.view)
+        data["view"] = entries(scenario.view)
     return tomli_w.dumps(data)
-
-
-# --- reading ----------------------------------------------------------------------------------
-
-
-def _table(data: Mapping[str, Any], key: str, default: Any = None) -> Mapping[str, Any]:
-    table = data.get(key, default)
-    if table is None:
-        raise InvalidDescription(key, "is missing")
-    if not isinstance(table, Mapping):
-        raise InvalidDescription(key, "must be a table", shown(table))
-    return table
-
-
-class _Reader:
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def build(self, cls: type[Description], table: Mapping[str, Any], path: str) -> Any:
-        known = declarations(cls)
-        for key in table:
-            if key not in known and key != "type":
-                hint = suggestion(key, known)
-                raise InvalidDescription(
-                    ".".join(filter(None, (path, key))), f"there is no such entry; {hint}"
-                )
-        entries = {}
-        for name, meta in known.items():
-            where = ".".join(filter(None, (path, name)))
-            if name in table:
-                entries[name] = self.entry(table[name], meta, where)
-            elif _defaults(cls)[name] is dataclasses.MISSING:
-                raise InvalidDescription(where, f"is missing ({meta.doc})")
-        try:
-            return cls(**entries)
-        except InvalidDescription as error:
-            raise error.within(path) from None
-
-    def entry(self, given: Any, meta: Meta, path: str) -> Any:
-        if meta.kind == "structure" and isinstance(given, Mapping) and "file" in given:
-            return {**given, "file": self.located(given["file"])}
-        if meta.kind == "part" and meta.per_axis:
-            if not isinstance(given, list):
-                raise InvalidDescription(path, "must be an array, one entry per axis", shown(given))
-            return [self.part(item, meta, f"{path}.{i}") for i, item in enumerate(given)]
-        if meta.kind == "part":
-            return self.part(given, meta, path)
-        if isinstance(given, Mapping) and meta.shape != "table" and meta.role is not None:
-            return self.part(given, meta, path)
-        return given
-
-    def part(self, given: Any, meta: Meta, path: str) -> Any:
-        if not isinstance(given, Mapping):
-            return given
-        name = given.get("type")
-        if name is None and meta.usual is not None:
-            return self.build(meta.usual, given, path)
-        choices = {
-            name: cls
-            for name, cls in Description.registry.items()
-            if meta.role is None or issubclass(cls, meta.role)
-        }
-        if name is None and len(choices) == 1:
-            return self.build(next(iter(choices.values())), given, path)
-        if name is None and meta.kind == "value":
-            return given
-        if not isinstance(name, str) or name not in choices:
-            reason = "is missing" if name is None else "there is no such type"
-            hint = suggestion(str(name or ""), choices)
-            raise InvalidDescription(
-                f"{path}.type", f"{reason}; {hint}", "" if name is None else shown(name)
-            )
-        return self.build(choices[name], given, path)
-
-    def located(self, file: Any) -> Any:
-        if not isinstance(file, str) or file.startswith("matplotlib:"):
-            return file
-        return os.path.abspath(self.folder / file)  # a run may be read from another folder
-
-
-@cache
-def _defaults(cls: type[Description]) -> dict[str, Any]:
-    return {field.name: field.default for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType]
-
-
-# --- writing ----------------------------------------------------------------------------------
-
-
-def _entries(description: Description) -> dict[str, Any]:
-    defaults = _defaults(type(description))
-    entries = {}
-    for name, meta in declarations(type(description)).items():
-        item, default = getattr(description, name), defaults[name]
-        if item != default or type(item) is not type(default):  # 1.0 == Fraction(1)
-            entries[name] = _written(item, meta)
-    return entries
-
-
-@lru_cache(maxsize=512)
-def _is_faithful(item: Transfer) -> bool:
-    """Return whether its text states it: not with common factors, a gain of 0 or beyond 1e±300."""
-    text = item.text()
-    try:
-        return text is not None and transfer(text) == item
-    except InvalidDescription:
-        return False
-
-
-def _written(item: Any, meta: Meta | None) -> Any:
-    if isinstance(item, Transfer) and _is_faithful(item):
-        return item.text()
-    if isinstance(item, InState):
-        return dict(item.states)
-    if isinstance(item, Grid):
-        return item.table()
-    if isinstance(item, Description):
-        usual = meta is not None and type(item) in (meta.usual, meta.role)
-        return {**({} if usual else {"type": type(item).__name__}), **_entries(item)}
-    if isinstance(item, tuple):
-        return [_written(entry, meta) for entry in item]
-    if isinstance(item, Table):
-        return dict(item)
-    if isinstance(item, Fraction):
-        return item.numerator if item.denominator == 1 else str(item)
-    if isinstance(item, str | float | int):
-        return item
-    raise InvalidDescription("", f"{shown(item)} cannot be written to a scenario file")

@@ -228,7 +228,7 @@ def _dataset(
     units = [system.units[symbol] for symbol in system.inputs]
     described = {
         "position": ("m", "position", {}),
-        "J": ("1", "sensed signal", {}),
+        "J": ("1", "value of the field", {}),
         "input": (
             units[0] if len(set(units)) == 1 else ", ".join(units),
             "input",

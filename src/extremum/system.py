@@ -157,8 +157,8 @@ class System:
         return self.function(self.rhs, vector=False)
 
     @cached_property
-    def start(self) -> Callable[[Sequence[float]], list[float]]:
-        """Values → the state at t = 0."""
+    def begun(self) -> tuple[Expr, ...]:
+        """The states at t = 0 as expressions of the parameters alone."""
         known: dict[Expr, Expr] = {self.time: sympy.Integer(0)}
         pending = dict(zip(self.states, self.initial, strict=True))
         signals = {symbol for symbol, _ in self.signals}
@@ -166,9 +166,15 @@ class System:
         known |= direct
         for symbol, expression in self.signals:
             known[symbol] = substituted(expression, known)
-        initial = [substituted(pending[x], known) for x in self.states]
+            known |= {x: substituted(e, known) for x, e in pending.items() if e.has(symbol)}
+        return tuple(known[x] for x in self.states)
+
+    @cached_property
+    def start(self) -> Callable[[Sequence[float]], list[float]]:
+        """Values → the state at t = 0."""
         library = [{name: o.function for name, o in self.oracles.items()}, "math"]
-        return sympy.lambdify([list(self.symbols)], initial, modules=library, dummify=True)
+        begun = list(self.begun)
+        return sympy.lambdify([list(self.symbols)], begun, modules=library, dummify=True)
 
     @cached_property
     def _fastest(self) -> Compiled:

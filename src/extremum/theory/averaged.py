@@ -3,6 +3,14 @@
 In relative coordinates Ẋ = f(X, t), fast in t. To first order in 1/ω the mean obeys
 Ẋ = f̄(X) = ⟨f⟩; to second order Ẋ = f̄ + ⟨∂f/∂X · F⟩ with ∂F/∂t = f − f̄, ⟨F⟩ = 0. Both are exact
 for fields that are polynomials of position, whatever the rational ratios of the frequencies.
+
+A sensor F(s) may be as fast as the dither, so that its states are not slow as they stand: each
+harmonic of J passes as F(jν_k) J_k, at its own frequency and ω, and what is left of the states is
+driven by the mean of J alone; they carry the sensor's own modes. A gain c that makes up for a small
+F(jω) makes the position ripple with c ξ̄ sin(ωt + ψ), too, and that changes the mean of J by κ ξ̄,
+κ ξ̄ = Σ H_ij ⟨a_i r_j⟩, a the dither and r the ripple; products of r with x̃ are left out, which
+count as far from the source as ρ does. So is that F(jν + λ) is not quite F(jν) for a loop that
+moves at a rate λ: λ times the sensor's delay.
 Source: Khalil, Nonlinear Systems, section 10.4; Sanders, Verhulst and Murdock, Averaging Methods,
 theorem 2.9.2.
 """
@@ -12,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import sympy
@@ -20,7 +29,7 @@ from sympy import Expr, Poly, Symbol
 from ..errors import InvalidDescription
 from ..symbols import substituted
 from ..symbols import t as time
-from .fourier import Harmonic, Series, series
+from .fourier import Harmonic, Series, filtered, frequency_of, passed, series
 from .frame import Relative
 from .moments import Moment, Moments
 
@@ -66,8 +75,8 @@ def averaged(equations: Relative, order: int, kept: tuple[Harmonic, ...] = ()) -
     Raises
     ------
     InvalidDescription
-        For the second order of a field that is not a polynomial of position, and for a controller
-        that is not linear in the sensed signal.
+        For the second order of a field that is not a polynomial of position, or with a sensor that
+        has states, and for a controller that is not linear in the sensed signal.
     """
     waves = [symbol for o in equations.oscillators for symbol in (o.sine, o.cosine)]
     law = equations.leading if order == 1 else dict(equations.signals)[equations.signal]
@@ -76,6 +85,13 @@ def averaged(equations: Relative, order: int, kept: tuple[Harmonic, ...] = ()) -
     inlined = _inlined(equations)
     rates = [substituted(rate, inlined) for rate in equations.rates]
     if order == 2:
+        if equations.sensing:
+            raise InvalidDescription(
+                "order",
+                "2 is not known for a loop with a sensor, whose states are neither slow nor fast "
+                "against the dither; use order 1, or periodic_orbit, which is exact",
+                "2",
+            )
         if not closed:
             raise InvalidDescription(
                 "order", "2 needs a field that is a polynomial of position; use order 1", "2"
@@ -94,14 +110,35 @@ def averaged(equations: Relative, order: int, kept: tuple[Harmonic, ...] = ()) -
     for state, symbol, expression in _carried(equations):
         outputs.append((state, symbol, mean(substituted(expression, inlined))))
     moments = None if closed else _moments(equations, law, tuple(wanted.values()))
-    full = _full(equations, rates, law) if kept and closed else []
+    full = _full(equations, rates, law, signal) if kept and signal else []
     forcing = _forcing(equations, full, kept)
     return Averaged(equations, 1, first, forcing, tuple(outputs), moments, degree)
 
 
-def _full(equations: Relative, rates: Sequence[Expr], law: Expr) -> list[Series]:
-    with_law = (sympy.expand(e.subs(equations.signal, law)) for e in rates)
-    return [series(e, equations.oscillators) for e in with_law]
+def _full(
+    equations: Relative, rates: Sequence[Expr], law: Expr, signal: Series | None = None
+) -> list[Series]:
+    """Return the rates' series; what the sensor passes of J turns on oscillators of its own."""
+    table, waves = {equations.signal: law}, equations.oscillators
+    if equations.sensing and signal is not None:
+        heard, own = filtered(signal, equations.sensor, equations.bases)
+        table[equations.sensed] = _mean_sensed(equations, signal.mean) + heard
+        waves = (*waves, *own)
+    return [series(sympy.expand(substituted(e, table)), waves) for e in rates]
+
+
+def _mean_sensed(equations: Relative, mean: Expr) -> Expr:
+    """Return the mean of what the sensor puts out, from its states and the mean of J."""
+    return substituted(dict(equations.signals)[equations.sensed], {equations.signal: mean})
+
+
+def _rippled(equations: Relative, mean: Expr) -> Expr:
+    """Return κ ξ̄, what the ripple that ξ̄ leaves adds to the mean of J; 0 without a sensor."""
+    pairs = product(enumerate(equations.dither_limit), enumerate(equations.ripple))
+    terms = [equations.hessian[i, j] * a * r for (i, a), (j, r) in pairs]
+    found = series(sympy.expand(sympy.Add(*terms)), equations.oscillators).mean
+    heard = {equations.sensed: _mean_sensed(equations, mean)}
+    return substituted(substituted(found, _inlined(equations)), heard)
 
 
 def _forcing(
@@ -114,22 +151,18 @@ def _forcing(
         parts = []
         for k in kept:
             cosine, sine = rate.waves.get(k, (zero, zero))
-            angle = _frequency(equations, k) * time
+            angle = frequency_of(k, equations.bases) * time
             parts += [cosine * sympy.cos(angle), sine * sympy.sin(angle)]
         found.append(sympy.factor_terms(sympy.Add(*parts)))
     return tuple(found) or (zero,) * len(equations.states)
 
 
-def _frequency(equations: Relative, k: Harmonic) -> Expr:
-    return sympy.Add(*(n * base for n, base in zip(k, equations.bases, strict=True)))
-
-
 def _inlined(equations: Relative) -> dict[Symbol, Expr]:
-    """Return every signal but J and the slow inputs in terms of J and the states."""
+    """Return every signal but J, what is sensed and the slow inputs, in terms of these."""
     table: dict[Symbol, Expr] = {}
     below = False
     for symbol, expression in equations.signals:
-        if below:
+        if below and symbol != equations.sensed:
             table[symbol] = substituted(expression, table)
         below = below or symbol == equations.signal
     return table
@@ -139,6 +172,8 @@ def _carried(equations: Relative) -> list[tuple[Symbol, Symbol, Expr]]:
     """Return (state, signal, expression) of the signals w = ζ + D m that a compensator puts out."""
     found = []
     for symbol, expression in equations.signals:
+        if symbol == equations.sensed:
+            continue
         terms = sympy.Add.make_args(expression)
         carried = [x for x in equations.states if x in terms]
         if len(carried) == 1 and len(terms) > 1 and equations.signal not in expression.free_symbols:
@@ -152,16 +187,16 @@ def _mean(
     signal: Series | None,
     wanted: dict[tuple[Harmonic, bool], Moment],
 ) -> Expr:
-    """Return the mean of a + b J, from b's harmonics and J's."""
-    polynomial = Poly(sympy.expand(rate), equations.signal)
-    if polynomial.degree() > 1:
+    """Return the mean of a + b J + d F[J], from the harmonics of b, d and J."""
+    heard = tuple(dict.fromkeys((equations.signal, equations.sensed)))
+    polynomial = Poly(sympy.expand(rate), *heard)
+    if polynomial.total_degree() > 1:
         raise InvalidDescription(
             "controller",
             "multiplies the sensed signal by itself; averaging takes controllers that are linear "
             "in it, such as GradientES",
         )
-    free = series(sympy.expand(polynomial.nth(0)), equations.oscillators).mean
-    driven = series(sympy.expand(polynomial.nth(1)), equations.oscillators)
+    free = series(sympy.expand(polynomial.coeff_monomial(1)), equations.oscillators).mean
     zero = (0,) * len(equations.bases)
 
     def moment(k: Harmonic, is_sine: bool) -> Expr:
@@ -174,13 +209,25 @@ def _mean(
         cosine, sine = signal.waves.get(k, (sympy.Integer(0), sympy.Integer(0)))
         return (sine if is_sine else cosine) / 2
 
+    def whole(k: Harmonic, is_sine: bool) -> Expr:
+        found = moment(k, is_sine)
+        return found if k != zero else found + _rippled(equations, found)
+
+    def sensed(k: Harmonic, is_sine: bool) -> Expr:
+        if k == zero:
+            return _mean_sensed(equations, whole(zero, False))
+        both = moment(k, False), moment(k, True)
+        return passed(equations.sensor, frequency_of(k, equations.bases), *both)[is_sine]
+
     parts = [free]
-    if driven.mean != 0:
-        parts.append(driven.mean * moment(zero, False))
-    for k, (cosine, sine) in driven.waves.items():
-        parts += [
-            c * moment(k, is_sine) for c, is_sine in ((cosine, False), (sine, True)) if c != 0
-        ]
+    for symbol, found in zip(heard, (whole, sensed), strict=False):
+        driven = series(sympy.expand(polynomial.coeff_monomial(symbol)), equations.oscillators)
+        if driven.mean != 0:
+            parts.append(driven.mean * found(zero, False))
+        for k, (cosine, sine) in driven.waves.items():
+            parts += [
+                c * found(k, is_sine) for c, is_sine in ((cosine, False), (sine, True)) if c != 0
+            ]
     return sympy.factor_terms(sympy.expand(sympy.Add(*parts)))
 
 
@@ -208,7 +255,7 @@ def _second(
     zero = (sympy.Integer(0), sympy.Integer(0))
     corrections = [sympy.Integer(0)] * len(rates)
     for k in harmonics:
-        frequency = _frequency(equations, k)
+        frequency = frequency_of(k, equations.bases)
         columns = [rate.waves.get(k, zero) for rate in rates]
         cosines, sines = (sympy.Matrix([column[i] for column in columns]) for i in (0, 1))
         mixed = sines.jacobian(states) * cosines - cosines.jacobian(states) * sines

@@ -25,7 +25,7 @@ from .averaged import Averaged
 from .collisions import Resonance, resonances_of
 from .conditions import Condition, HurwitzSystem
 from .demodulation import demodulation
-from .equilibria import nearest, real_solutions
+from .equilibria import first_step, nearest, real_solutions
 from .equilibrium import equilibrium_law, held
 from .floquet import decays
 from .frame import Frame, relative
@@ -107,9 +107,12 @@ class Average:
         if law is not None:
             found = self.frame.numbers(law.values())
             return found if np.isfinite(found).all() else None
-        return nearest(
-            lambda x: self._at(x)[0], lambda x: self._at(x)[1], np.zeros(len(self.states))
-        )
+        origin = np.zeros(len(self.states))
+        rates, slopes, _ = self._at(origin)
+        if not (np.isfinite(rates).all() and np.isfinite(slopes).all()):
+            return None
+        sizes = np.maximum(1.0, abs(first_step(rates, slopes)))
+        return nearest(lambda x: self._at(x)[0], lambda x: self._at(x)[1], origin, scale=sizes)
 
     @property
     def offset(self) -> Vector:
@@ -152,6 +155,16 @@ class Average:
         found: NDArray[np.complex128] = np.linalg.eigvals(self.matrix).astype(np.complex128)
         return found[np.argsort(-found.real, kind="stable")]
 
+    @cached_property
+    def bandwidth(self) -> float:
+        """The fastest mode's |λ| (1/s), the sensor's own left out; 0 without equilibrium."""
+        if self.matrix is None:
+            return 0.0
+        sensing = self.averaged.equations.sensing
+        kept = [i for i, x in enumerate(self.states) if x not in sensing]
+        modes = np.linalg.eigvals(self.matrix[np.ix_(kept, kept)])
+        return float(np.abs(modes).max(initial=0.0))
+
     @property
     def stable(self) -> bool:
         """Whether there is an equilibrium and every eigenvalue has a negative real part."""
@@ -189,8 +202,7 @@ class Average:
 
         Nearly is within ten times the fastest averaged mode; such a beat is kept as a forcing.
         """
-        bandwidth = float(np.abs(self.eigenvalues).max(initial=0.0))
-        return resonances_of(self.frame, self.averaged.degree, bandwidth)
+        return resonances_of(self.frame, self.averaged.degree, self.bandwidth)
 
     @property
     def hessian_law(self) -> ImmutableMatrix:
@@ -214,7 +226,7 @@ class Average:
 
     @cached_property
     def demodulation_limit(self) -> Vector:
-        """M as ω → ∞, in which the washout passes the dither unchanged (m), (channels, axes)."""
+        """M as ω → ∞, but for the sensor's F(jω), in numbers (m), (channels, axes)."""
         frame = self.frame
         return frame.numbers(demodulation(frame.equations, frame.loop.twin, limit=True))
 
@@ -259,19 +271,20 @@ def average(loop: Loop, *, order: int = 1) -> Average:
     frequency or several commensurate ones are averaged over their common period, incommensurate
     ones over the torus of their phases; beats slow enough for the loop to feel are kept; a moving
     source stays as slow inputs r(t), ṙ(t). Exact for fields polynomial in position; by the
-    trapezoidal rule, with its error estimated, for others.
+    trapezoidal rule, with its error estimated, for others. A sensor F(s) passes each harmonic of J
+    as F(jν) at the loop's own ω; its states stay, driven by the mean of J.
 
     Parameters
     ----------
     order
         1 for the limit ω → ∞ that the paper's theorems are about; 2 adds the terms of order 1/ω
-        (the washout's phase, the ripple's rectification).
+        (the washout's phase, the ripple's rectification), for loops without a sensor.
 
     Raises
     ------
     InvalidDescription
         If the field states no source and none is found uphill from the start; if it is not smooth;
-        for order 2 of a field that is no polynomial.
+        for order 2 of a field that is no polynomial, or of a loop with a sensor.
 
     Notes
     -----

@@ -117,7 +117,7 @@ def nearest(
     for _ in range(STEPS):
         if not (np.isfinite(values).all() and np.isfinite(slopes).all()):
             return None
-        step = np.linalg.lstsq(slopes / level[:, None], -values / level, rcond=None)[0]
+        step = _step(values / level, slopes / level[:, None])
         length, reach = float(np.linalg.norm(step)), max(1.0, float(np.linalg.norm(y)))
         small = bool((abs(values) <= FLAT * abs(slopes).sum(axis=1) * reach).all())
         if small and length <= TOLERANCE * reach:
@@ -134,6 +134,19 @@ def nearest(
         y = y + part * step
         slopes = jacobian(y * units) * units
     return None
+
+
+def first_step(values: Array, slopes: Array) -> Array:
+    """Return Newton's step −f/f′ from where f and ∂f/∂x are given: how far the unknowns reach."""
+    level = abs(values) + abs(slopes).sum(axis=1)
+    level[level == 0] = 1.0
+    return _step(values / level, slopes / level[:, None])
+
+
+def _step(values: Array, slopes: Array) -> Array:
+    sizes = abs(slopes).max(axis=0)
+    sizes[sizes == 0] = 1.0
+    return np.linalg.lstsq(slopes / sizes, -values, rcond=None)[0] / sizes
 
 
 # --- from expressions to polynomials ----------------------------------------------------------

@@ -173,20 +173,26 @@ def match(averaged: ArrayLike, found: ArrayLike, frequency: float) -> Match:
     The assignment is optimal (Hungarian method). For how fast the distances vanish as ω grows see
     `Match.polynomial`.
     """
-    from scipy.optimize import linear_sum_assignment
-
     ours: Complex = np.asarray(averaged, dtype=complex)
     theirs: Complex = np.asarray(found, dtype=complex)
-    difference: Complex = theirs[None, :] - ours[:, None]
+    beside, distances = nearest(ours, theirs, frequency)
+    period = 2 * np.pi / frequency
+    return Match(ours, beside, distances, polynomial_distance(ours, theirs, period))
+
+
+def nearest(averaged: Complex, found: Complex, frequency: float) -> tuple[Complex, Vector]:
+    """Return an exponent beside each averaged eigenvalue, and their distances (1/s), (n,) each.
+
+    There may be more exponents than eigenvalues; none is taken twice, and the distances' sum is
+    least. Imaginary parts are shifted by the multiple of `frequency` that brings them nearest.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    difference: Complex = found[None, :] - averaged[:, None]
     turns = np.round(difference.imag / frequency)
     distance = np.abs(difference - 1j * frequency * turns)
     rows, columns = linear_sum_assignment(distance)
-    return Match(
-        ours,
-        theirs[columns] - 1j * frequency * turns[rows, columns],
-        distance[rows, columns],
-        polynomial_distance(ours, theirs, 2 * np.pi / frequency),
-    )
+    return found[columns] - 1j * frequency * turns[rows, columns], distance[rows, columns]
 
 
 def polynomial_distance(averaged: ArrayLike, found: ArrayLike, period: float) -> float:

@@ -18,6 +18,7 @@ from sympy import QQ, Expr, Symbol
 from sympy.polys.orderings import lex
 from sympy.polys.rings import PolyRing
 
+from ..rational import response_parts
 from ..symbols import substituted
 from ..symbols import t as time
 
@@ -86,6 +87,36 @@ def unturned(expression: Expr, dithers: Sequence[Oscillator]) -> Expr:
     return substituted(expression, table)
 
 
+def derivative(wave: Expr, dithers: Sequence[Oscillator]) -> Expr:
+    """Return d/dt of a combination of the oscillators' symbols."""
+    parts = []
+    for o in dithers:
+        parts.append(wave.diff(o.sine) * o.frequency * o.cosine)
+        parts.append(-wave.diff(o.cosine) * o.frequency * o.sine)
+    return sympy.Add(*parts)
+
+
+def leading(wave: Expr, dithers: Sequence[Oscillator], base: Expr) -> tuple[Expr, Any]:
+    """Return a combination's leading term as ω = `base` → ∞, and its power of ω, −∞ for 0."""
+    terms: dict[Any, list[Expr]] = {}
+    for symbol in (symbol for o in dithers for symbol in (o.sine, o.cosine)):
+        quotient = sympy.fraction(sympy.cancel(wave.diff(symbol)))
+        above, below = (sympy.Poly(e, base) for e in quotient)
+        order = sympy.sympify(above.degree() - below.degree())
+        terms.setdefault(order, []).append(symbol * above.LC() / below.LC())
+    top = max(terms)
+    return (sympy.Add(*terms[top]) * base**top if top.is_finite else wave), top
+
+
+def passed(transfer: Expr, frequency: Expr, cosine: Expr, sine: Expr) -> tuple[Expr, Expr]:
+    """Return the coefficients of A cos νt + B sin νt after F(s), in the steady state.
+
+    A Re F(jν) + B Im F(jν) and B Re F(jν) − A Im F(jν).
+    """
+    real, imaginary = response_parts(transfer, frequency)
+    return real * cosine + imaginary * sine, real * sine - imaginary * cosine
+
+
 @dataclass(frozen=True, eq=False)
 class Series:
     """mean + Σ_k (cosine_k cos θ_k + sine_k sin θ_k), θ_k = Σ k_i Ω_i t, of one expression.
@@ -130,6 +161,24 @@ def series(expression: Expr, oscillators: Sequence[Oscillator]) -> Series:
     mean, _ = added.pop(constant, (sympy.Integer(0), sympy.Integer(0)))
     waves = {k: (c, s) for k, (c, s) in added.items() if c != 0 or s != 0}
     return Series(mean, waves)
+
+
+def filtered(
+    given: Series, transfer: Expr, bases: Sequence[Expr]
+) -> tuple[Expr, tuple[Oscillator, ...]]:
+    """Return what F(s) passes of the waves of a series, and the oscillators of its own for them."""
+    parts, own = [], []
+    for k, (cosine, sine) in given.waves.items():
+        o = Oscillator(sympy.Dummy(), sympy.Dummy(), frequency_of(k, bases), k)
+        after = passed(transfer, o.frequency, cosine, sine)
+        parts += [after[0] * o.cosine, after[1] * o.sine]
+        own.append(o)
+    return sympy.Add(*parts), tuple(own)
+
+
+def frequency_of(k: Harmonic, bases: Sequence[Expr]) -> Expr:
+    """Return ν_k = Σ k_i Ω_i."""
+    return sympy.Add(*(n * base for n, base in zip(k, bases, strict=True)))
 
 
 def _polynomial(expression: Expr, first: Sequence[Symbol]) -> tuple[Any, dict[Expr, Expr]]:

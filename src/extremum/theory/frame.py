@@ -2,8 +2,9 @@
 
 With r(t) the source and a(t) the vehicle's steady response to the probes (from G(jω)), each
 vehicle state is X = X̃ + N r + a, N the state at rest at position 1, and the washout's is
-η = e + f*. For the paper's Fig. 1 that is its change of coordinates, (3) to (9):
-x̃ = x − x* − α sin ωt, e = η − f*. It is exact: nothing is averaged here.
+η = e + F(0) f*, F the sensor (1 without one), whose states are relative to rest under f*. For the
+paper's Fig. 1 that is its change of coordinates, (3) to (9): x̃ = x − x* − α sin ωt, e = η − f*.
+It is exact: nothing is averaged here.
 """
 
 from __future__ import annotations
@@ -22,14 +23,16 @@ import sympy
 from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
+from ..diagram import Motion
 from ..engines.trajectory import UNDEFINED
-from ..loop import Loop, checked
+from ..loop import SENSED, Loop, checked
 from ..parameters import Parameter
+from ..rational import ratio
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
 from ..system import System
 from .drift import whole
-from .fourier import Oscillator, oscillators, turned, unturned
+from .fourier import Oscillator, derivative, leading, oscillators, turned, unturned
 from .periods import MAX_CYCLES, common, fraction, slow_frequencies
 from .sources import located
 
@@ -50,10 +53,17 @@ class Relative:
     signals
         Ordered bindings: r and ṙ of a moving source, J, ξ, m, w, u.
     signal, leading
-        J's symbol, and J with the sensor's dither replaced by its limit as ω → ∞.
+        J's symbol, and J with the position's dither replaced by its limit as ω → ∞.
+    sensed, sensor, sensing
+        The symbol of what the controller receives, F(s) from J to it, and its states; J's symbol
+        and 1 where there are none.
     dither, dither_limit
         Per axis, the sensor's steady response a(t) to the probes, and its limit as ω → ∞ (the same
         where the probe goes through 1/G: G(jω)/G(jω) = 1).
+    ripple
+        Per axis, the sensor's steady motion that a constant ξ leaves, which is demodulated too:
+        c ξ sin(ωt + ψ) through C and G, to the leading order in 1/ω. Empty without a sensor: only
+        a gain that makes up for a small F(jω) makes it matter.
     source
         Per axis r(t).
     hessian
@@ -69,8 +79,12 @@ class Relative:
     signals: tuple[tuple[Symbol, Expr], ...]
     signal: Symbol
     leading: Expr
+    sensed: Symbol
+    sensor: Expr
+    sensing: tuple[Symbol, ...]
     dither: tuple[Expr, ...]
     dither_limit: tuple[Expr, ...]
+    ripple: tuple[Expr, ...]
     source: tuple[Expr, ...]
     hessian: sympy.ImmutableMatrix
     system: System
@@ -211,9 +225,11 @@ def _relative(system: System, twin: Loop) -> Relative:
     dithers, bases = oscillators(system.carriers)
     source, added = _source(system, twin)
     slow, place, drift = _slow_inputs(source, twin)
-    swings = _swings(twin, dithers)
-    limits = tuple(_limit(a, dithers, twin.controller.base()) for a in swings)
-    still = twin.controller.rest(twin.field.law(source))
+    swings = _swings(twin, dithers, twin.controller.motion)
+    base = twin.controller.base()
+    leads = [leading(a, dithers, base) for a in swings]
+    limits = tuple(b if order == 0 else a for a, (b, order) in zip(swings, leads, strict=True))
+    still = twin.rest(substituted(twin.field.law(source), {time: sympy.Integer(0)}))
     states = _renamed(system, len(swings), still)
 
     def shift(position: Sequence[Expr], turns: Sequence[Expr] = swings) -> tuple[Expr, ...]:
@@ -234,12 +250,16 @@ def _relative(system: System, twin: Loop) -> Relative:
     rates = []
     for rate, swing, velocity in zip(system.rhs, turning, drifting, strict=True):
         driven = substituted(substituted(turned(rate, dithers), inputs), moved(place))
-        rates.append(_settled(driven - _derivative(swing, dithers), dithers, system) - velocity)
-    sensed = system.outputs["sensor"]
+        rates.append(_settled(driven - derivative(swing, dithers), dithers, system) - velocity)
+    places = system.outputs["sensor"]
     still_at = dict.fromkeys(system.states, sympy.Integer(0))
-    dither, dither_limit = (
-        tuple(substituted(e, still_at | dict(zip(system.states, a, strict=False))) for e in sensed)
-        for a in (swings, limits)
+    order = ratio(twin.sensor.law()).order
+    sensing = states[len(swings) : len(swings) + order]
+    rippling = _swings(twin, dithers, twin.controller.ripple) if sensing else ()
+    rippling = tuple(leading(r, dithers, base)[0] for r in rippling)
+    dither, dither_limit, ripple = (
+        tuple(substituted(e, still_at | dict(zip(system.states, a, strict=False))) for e in places)
+        for a in (swings, limits, rippling)
     )
     known = (*slow, *signals.items())
     begun = [unturned(e, dithers).subs(time, 0) for e in shift(source)]
@@ -262,8 +282,12 @@ def _relative(system: System, twin: Loop) -> Relative:
         signals=known,
         signal=signal,
         leading=substituted(law, moved(source, limits)),
+        sensed=SENSED if sensing else signal,
+        sensor=twin.sensor.law() if sensing else sympy.Integer(1),
+        sensing=sensing,
         dither=dither,
         dither_limit=dither_limit,
+        ripple=ripple,
         source=source,
         hessian=_hessian(twin, source),
         system=System(
@@ -309,28 +333,16 @@ def _slow_inputs(
     return bound, tuple(place), tuple(drift)
 
 
-def _swings(twin: Loop, dithers: Sequence[Oscillator]) -> tuple[Expr, ...]:
-    """Return every vehicle state's steady response to the probes."""
+def _swings(
+    twin: Loop, dithers: Sequence[Oscillator], motions: Callable[[int], Motion | None]
+) -> tuple[Expr, ...]:
+    """Return every vehicle state's steady response to the probes, or to what ripples like them."""
     swings: list[Expr] = []
     for axis in range(twin.vehicle.dimension()):
-        motion = twin.controller.motion(axis)
+        motion = motions(axis)
         assert motion is not None
         swings += (turned(e, dithers) for e in twin.vehicle.swing(axis, motion, time))
     return tuple(swings)
-
-
-def _limit(swing: Expr, dithers: Sequence[Oscillator], frequency: Expr) -> Expr:
-    """Return a steady response's limit as ω → ∞, or itself where that is 0 or infinite."""
-    waves = [symbol for o in dithers for symbol in (o.sine, o.cosine)]
-    parts = {wave: sympy.fraction(sympy.cancel(swing.diff(wave))) for wave in waves}
-    limit = sympy.Integer(0)
-    for wave, quotient in parts.items():
-        above, below = (sympy.Poly(e, frequency) for e in quotient)
-        if above.degree() > below.degree():
-            return swing
-        if above.degree() == below.degree():
-            limit += wave * above.LC() / below.LC()
-    return swing if limit == 0 else limit
 
 
 def _renamed(system: System, vehicle: int, still: Sequence[Expr]) -> tuple[Symbol, ...]:
@@ -346,15 +358,6 @@ def _renamed(system: System, vehicle: int, still: Sequence[Expr]) -> tuple[Symbo
             assert letters is not None
             names.append(f"{letters[0]}tilde{x.name[letters.end() :]}")
     return tuple(Symbol(name, real=True) for name in names)
-
-
-def _derivative(swing: Expr, dithers: Sequence[Oscillator]) -> Expr:
-    """Return d/dt of a combination of the oscillators' symbols."""
-    parts = []
-    for o in dithers:
-        parts.append(swing.diff(o.sine) * o.frequency * o.cosine)
-        parts.append(-swing.diff(o.cosine) * o.frequency * o.sine)
-    return sympy.Add(*parts)
 
 
 def _settled(rate: Expr, dithers: Sequence[Oscillator], system: System) -> Expr:

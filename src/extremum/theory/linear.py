@@ -156,7 +156,8 @@ def loop_gain(loop: Loop) -> LoopGain:
 
     The averaged loop is the feedback loop det(I + L(s)) = 0 beside the washout's mode −h. Where the
     Hessian is −2q diagonal and M = ½ diag(α) there is one L(s) = α c q C(s) G(s) for each axis:
-    extremum seeking design is loop shaping. M is `Average.demodulation` in the limit ω → ∞.
+    extremum seeking design is loop shaping. M is `Average.demodulation` in the limit ω → ∞, but for
+    a sensor's F(jω), which it keeps.
 
     Raises
     ------

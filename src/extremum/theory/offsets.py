@@ -30,7 +30,7 @@ from .averaging import average
 from .demodulation import gradient
 from .drift import drift
 from .equilibrium import MAX_TERMS, quotient
-from .fourier import series, turned
+from .fourier import filtered, series, turned
 from .frame import Frame, Relative
 from .hurwitz import summands
 from .linear import LoopGain, linear, loop_gain, polynomial
@@ -215,17 +215,22 @@ def _check(matrix: Vector) -> None:
 
 
 def _asymmetry(equations: Relative, twin: Loop) -> list[Expr]:
-    """Return μ_i = c_i ⟨J reference_i⟩ at x̃ = 0; zeros where it has no closed form."""
+    """Return μ_i = c_i ⟨F[J] reference_i⟩ at x̃ = 0; zeros where it has no closed form."""
     controller = gradient(twin)
     here = substituted(equations.leading, dict.fromkeys(equations.states, sympy.Integer(0)))
     waves = [symbol for o in equations.oscillators for symbol in (o.sine, o.cosine)]
     if not here.is_polynomial(*waves):
         return [sympy.Integer(0)] * len(controller.channels)
+    turning = equations.oscillators
+    if twin.sensor.law() != 1:
+        known = series(sympy.expand(here), turning)
+        here, own = filtered(known, twin.sensor.law(), equations.bases)
+        turning = (*turning, *own)
     means = []
     for channel, frequency in zip(controller.channels, controller.frequencies(), strict=True):
         reference = sine(frequency * time, (channel.reference or channel.dither).phase)
         product = channel.gain * here * turned(reference, equations.oscillators)
-        means.append(series(sympy.expand(product), equations.oscillators).mean)
+        means.append(series(sympy.expand(product), turning).mean)
     return means
 
 

@@ -12,11 +12,8 @@ from sympy import Expr
 
 from ..engines.choice import ENGINES, usual
 from ..errors import InvalidDescription, shown
-from ..symbols import substituted
-from ..symbols import t as time
 from ..system import Oracle, System
 from .averaged import Averaged
-from .fourier import unturned
 from .labelled import labelled
 
 if TYPE_CHECKING:
@@ -27,15 +24,8 @@ if TYPE_CHECKING:
 def averaged_system(averaged: Averaged) -> System:
     """Return the averaged equations as a `System`; means by quadrature are oracles in it."""
     exact = averaged.equations.system
-    dithers = averaged.equations.oscillators
     signal = averaged.equations.signal
-    known = dict(exact.signals)
     slow = averaged.equations.slow
-    first = {time: sympy.Integer(0), **{x: substituted(e, {time: 0}) for x, e in slow}}
-    begun = dict(zip(exact.states, exact.initial, strict=True))
-    state = {x: e for x, e in begun.items() if not e.has(signal)}
-    sensed = substituted(substituted(known[signal], first), state).doit()
-    initial = tuple(substituted(e, {signal: sensed}) for e in exact.initial)
     means, oracles = _oracles(averaged)
     place = exact.outputs["source"]
     offset = exact.outputs["offset"]
@@ -44,7 +34,7 @@ def averaged_system(averaged: Averaged) -> System:
     return System(
         states=exact.states,
         rhs=tuple(e + f for e, f in zip(averaged.rates, averaged.forcing, strict=True)),
-        initial=tuple(unturned(e, dithers) for e in initial),
+        initial=exact.begun,
         inputs=(),
         outputs=MappingProxyType(
             {

@@ -130,6 +130,8 @@ def _scheme(equations: Relative, twin: Loop) -> _Scheme | str:
     theorem = _theorem(plants, compensators)
     if isinstance(theorem, str):
         return theorem
+    if twin.sensor.law() != 1:
+        return "The paper's controller receives J itself; here a sensor stands between them."
     if equations.changing:
         return "The map changes with time; the paper's moves at most."
     zero = sympy.Integer(0)

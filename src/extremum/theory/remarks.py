@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -9,7 +11,9 @@ import numpy as np
 import sympy
 from numpy.typing import NDArray
 
+from ..loop import Loop
 from ..printing import expression_text, symbol_text
+from ..rational import at_frequency
 from ..symbols import axis_names, s
 from .collisions import coupling
 from .demodulation import gradient
@@ -36,6 +40,7 @@ def remarks(verdict: Verdict) -> tuple[str, ...]:
         *_disagreements(verdict),
         *_shape(verdict),
         *_trust(verdict),
+        *_sensing(verdict),
         *_distances(verdict),
         *_hidden(verdict),
         *_collisions(verdict),
@@ -115,10 +120,16 @@ def _trust(verdict: Verdict) -> Iterator[str]:
     washout = gradient(model.frame.loop).washout
     if washout > SLOW * frequency:
         yield _warned(f"h/ω = {washout / frequency:.2g}", "the washout turns the dither")
-    size = max(np.abs(model.eigenvalues).max(initial=0.0), 0.0)
+    size = model.bandwidth
     if size > SLOW * frequency:
         yield _warned(
             f"the loop's fastest mode over ω = {size / frequency:.2g}", "the loop is fast"
+        )
+    lag = size * _delay(model.frame.loop)
+    if lag > SLOW:
+        yield _warned(
+            f"the loop's fastest mode times the sensor's delay = {lag:.2g}",
+            "what is sensed lags behind the loop",
         )
     fast = max(model.frame.turning(), default=0.0)
     if fast > SLOW * frequency:
@@ -132,6 +143,36 @@ def _trust(verdict: Verdict) -> Iterator[str]:
             f"ρ = c |C(∞)| q |x̃|/ω = {pull:.2g} at the equilibrium",
             "so far from the peak the washout couples at order 1/ω; above about 0.3 orbits vanish",
         )
+
+
+def _delay(loop: Loop) -> float:
+    """Return |F'(jω)/F(jω)| (s) of the sensor, the largest of all channels' frequencies."""
+    law = loop.sensor.law()
+    slope = law.diff(s) / law
+    return max(abs(at_frequency(slope, float(w))) for w in gradient(loop).frequencies())
+
+
+def _sensing(verdict: Verdict) -> Iterator[str]:
+    """Say where a sensor turns the dither and the reference is not turned with it."""
+    frame = verdict.average.frame
+    law, controller = frame.loop.sensor.law(), gradient(frame.loop)
+    turning = {o.frequency: o for o in frame.equations.oscillators}
+    carriers = gradient(frame.loop.twin).frequencies()
+    for i, name in enumerate(axis_names(len(carriers))):
+        frequency, channel = float(controller.frequencies()[i]), controller.channels[i]
+        passed = at_frequency(law, frequency)
+        swing, o = sympy.expand(frame.equations.dither_limit[i]), turning[carriers[i]]
+        dither = complex(*frame.numbers([swing.coeff(o.sine), swing.coeff(o.cosine)]))
+        washed = math.atan(controller.washout / frequency)
+        wanted = cmath.phase(dither) + cmath.phase(passed)
+        given = (channel.reference or channel.dither).phase
+        off = min(abs(cmath.phase(cmath.rect(1, given - wanted - lead))) for lead in (0, washed))
+        if min(abs(cmath.phase(passed)), off) > SLOW:
+            yield (
+                f"The sensor passes {100 * abs(passed):.3g} % of the dither on {name}, turned by "
+                f"{math.degrees(cmath.phase(passed)):.1f}°, which the reference is not corrected "
+                f"by: ψ = φ + atan(h/ω) + arg F(jω) = {wanted + washed:.4g} rad would be."
+            )
 
 
 def _warned(number: str, why: str) -> str:

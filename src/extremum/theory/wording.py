@@ -71,6 +71,7 @@ def text(average: Average) -> str:
         for x, e in zip(states, rates, strict=True)
     ]
     exact = "the limit ω → ∞" if averaged.order == 1 else "with the terms of order 1/ω"
+    exact += " but for the sensor's F(jω)" if averaged.equations.sensing else ""
     parts = [f"Averaged equations, τ = ω t, {exact}", *aligned(named)]
     if averaged.moments is not None:
         parts += ["", *_quadrature(average)]
