@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 import extremum as es
 from extremum import s
-from extremum.theory.assignment import assign_frequencies
 from extremum.theory.averaging import average
 from extremum.theory.collisions import combinations
-from extremum.theory.frequencies import check_frequencies
 from extremum.theory.orbits import periodic_orbit
+from extremum.theory.probing.assignment import assign_frequencies
+from extremum.theory.probing.checking import check_frequencies
 
 QUARTER = math.pi / 2
 

@@ -7,20 +7,37 @@ from .linear import LoopGain, loop_gain
 from .lyapunov import Lyapunov, lyapunov
 from .offsets import Bias, bias
 from .orbits import Orbit, periodic_orbit
+from .probing import (
+    Assignment,
+    Collision,
+    FrequencyCheck,
+    assign_frequencies,
+    check_frequencies,
+)
+from .synthesis import Design, Infeasible, Rule, design
 from .verdict import Verdict, stability
 
 __all__ = [
+    "Assignment",
     "Average",
     "Bias",
+    "Collision",
     "Condition",
     "Critical",
+    "Design",
+    "FrequencyCheck",
+    "Infeasible",
     "LoopGain",
     "Lyapunov",
     "Orbit",
+    "Rule",
     "Verdict",
+    "assign_frequencies",
     "average",
     "bias",
+    "check_frequencies",
     "critical_frequency",
+    "design",
     "loop_gain",
     "lyapunov",
     "periodic_orbit",

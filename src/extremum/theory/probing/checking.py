@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..controllers import Controller
-from ..errors import InvalidDescription
-from ..loop import Loop
-from ..symbols import axis_names
-from .averaging import average
-from .collisions import SMOOTH, field_degree
+from ...controllers import Controller
+from ...errors import InvalidDescription
+from ...loop import Loop
+from ...symbols import axis_names
+from ..averaging import average
+from ..collisions import SMOOTH, field_degree
+from ..periods import MAX_CYCLES, common
 from .dithers import (
     at_least_0,
     dithers_of_controller,
@@ -23,7 +24,6 @@ from .dithers import (
     dithers_of_numbers,
 )
 from .mixing import Collision, mixing, sharing
-from .periods import MAX_CYCLES, common
 
 
 @dataclass(frozen=True)

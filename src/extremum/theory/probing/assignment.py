@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InvalidDescription, shown
-from ..symbols import axis_names
-from ..validation import positive
-from .collisions import REACH, combinations, felt, field_degree, reach
+from ...errors import InvalidDescription, shown
+from ...symbols import axis_names
+from ...validation import positive
+from ..collisions import REACH, combinations, felt, field_degree, reach
+from ..periods import MAX_CYCLES, common
 from .dithers import Dithers, at_least_0
-from .periods import MAX_CYCLES, common
 
 SHORT: Final = (8, 16, 32, 64)
 """Cycles within which a set with one frequency changed should repeat, tried in turn."""

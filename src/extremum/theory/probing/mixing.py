@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
 from typing import Any, Final
 
-from ..printing import SUPERSCRIPTS
+from ...printing import SUPERSCRIPTS
+from ..collisions import ROUNDING, felt, relation
 from .assignment import apart
-from .collisions import ROUNDING, felt, relation
 from .dithers import Dithers
 
 SILENT: Final = 1e-9

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import sympy
 
-from ..controllers import Controller, Dither, GradientES
-from ..errors import InvalidDescription, shown
-from ..rational import at_frequency
-from ..symbols import axis_names
-from ..validation import number, positive
-from .collisions import ROUNDING
-from .demodulation import gradient
-from .frame import Frame
-from .periods import fraction
+from ...controllers import Controller, Dither, GradientES
+from ...errors import InvalidDescription, shown
+from ...rational import at_frequency
+from ...symbols import axis_names
+from ...validation import number, positive
+from ..collisions import ROUNDING
+from ..demodulation import gradient
+from ..frame import Frame
+from ..periods import fraction
 
 
 @dataclass(frozen=True)
