@@ -3,15 +3,15 @@ of a scenario is documented."""
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from schema import documented
 
 from extremum.cli import main
-from extremum.description import Description, declarations
+from extremum.description import Description
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -56,31 +56,19 @@ def test_there_is_something_to_run() -> None:
     assert sum(len(blocks(page, "text")) for page in PAGES) >= 5
 
 
-def documented(cls: type[Description]) -> list[str]:
-    rows = []
-    for field in dataclasses.fields(cls):  # pyright: ignore[reportArgumentType]
-        meta = declarations(cls)[field.name]
-        kind = {
-            "value": meta.shape,
-            "part": (meta.role.__name__ if meta.role else "") + " per axis" * meta.per_axis,
-            "structure": "—",
-        }[meta.kind]
-        default = "" if field.default is dataclasses.MISSING else str(field.default or "none")
-        default = default if field.default != 0.0 else "0.0"
-        unit = meta.unit.format(input="unit of the input")
-        doc = meta.doc + " (> 0)" * meta.positive
-        rows.append(f"| `{field.name}` | {kind} | {unit} | {default} | {doc} |")
-    return rows
-
-
 def test_every_key_of_a_scenario_is_documented_as_it_is_declared() -> None:
     text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
     internal = {"Scenario", "TransferFunction", "InState", "Opaque"}
     for name, cls in Description.registry.items():
-        if name not in internal and cls.__module__.startswith("extremum."):
+        if name not in internal and _of_a_scenario(cls):
             assert f"### {name}\n" in text
             for row in documented(cls):
                 assert row in text, row
+
+
+def _of_a_scenario(cls: type[Description]) -> bool:
+    module = cls.__module__
+    return module.startswith("extremum.") and module != "extremum.requirements"
 
 
 def test_ci_runs_the_commands_that_the_readme_prints() -> None:

@@ -42,6 +42,12 @@ _MARKS: dict[str | None, str] = {"tilde": "\N{COMBINING TILDE}", "dot": "\N{COMB
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+def unit_text(unit: str) -> str:
+    """Return a unit as it is read: ``m/s^2`` is m/s²; the unit 1 is not shown."""
+    raised = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPTS), unit)
+    return "" if raised == "1" else raised
+
+
 def symbol_text(name: str) -> str:
     """Return a symbol's name as it is read: ``alpha_x`` is α_x, ``x^*`` x*, ``xtilde`` x̃."""
     name = name.replace("^*", "*")

@@ -5,9 +5,10 @@ Working out a fraction can take for ever; its size is bounded before anything is
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, cast
+from typing import Any, Final, cast
 
 import sympy
 from sympy import Expr, Poly
@@ -68,6 +69,19 @@ def at_frequency(expression: Expr, frequency: float) -> complex:
     except OverflowError:
         return complex("inf")
     return complex(numerator / denominator) if denominator else complex("inf")
+
+
+def vanishes(expression: Expr) -> bool:
+    """Return whether a rational function of its letters is 0 whatever they are.
+
+    Judged in exact arithmetic at a place drawn at random, each letter one of 2⁶³ integers: one that
+    is not 0 is so there with a probability of its degree over 2⁶³ (Schwartz and Zippel). A sum that
+    cancels as a whole is seen without being worked out.
+    """
+    draw = random.Random(0)
+    letters = sorted(expression.free_symbols, key=str)
+    place = {x: sympy.Integer(draw.getrandbits(63) + 1) for x in letters}
+    return expression.xreplace(cast(Any, place)) == 0
 
 
 def response_parts(expression: Expr, frequency: Expr) -> tuple[Expr, Expr]:

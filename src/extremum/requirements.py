@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from .declarations import Table, declarations, is_none
-from .description import Description, part, structure, value
+from .description import Description, flatten, part, structure, value
 from .documents import Reader, entries, opened, parsed
 from .errors import InvalidDescription, shown
 from .lti import Transfer, TransferFunction, transfer
@@ -16,6 +16,8 @@ from .validation import number
 from .vehicles import PointMass
 
 VEHICLE: Final = "vehicle."
+SMALLEST: Final = 1e-30
+LARGEST: Final = 1e30
 Interval = tuple[float, float]
 
 
@@ -243,6 +245,7 @@ class Requirements(Description):
 
     def check(self) -> None:
         """Refuse what contradicts itself, before anything is computed."""
+        self._check_sizes()
         axes = self.vehicle.dimension()
         if len(self.curvature) != axes:
             raise InvalidDescription(
@@ -283,6 +286,17 @@ class Requirements(Description):
             )
         self._check_vehicle()
 
+    def _check_sizes(self) -> None:
+        for name in declarations(type(self)):
+            given = getattr(self, name)
+            if not all(SMALLEST <= abs(x) <= LARGEST for x in _numbers(given) if x):
+                reason = f"must lie between {SMALLEST:g} and {LARGEST:g} in size; take other units"
+                raise InvalidDescription(name, reason, shown(given))
+        factors = {f"include.{k}": factor for k, factor in enumerate(self.include or ())}
+        for name, factor in {"sensor": self.sensor, **factors}.items():
+            if factor.law() == 0:
+                raise InvalidDescription(name, "lets nothing pass; 1 passes everything", "0")
+
     def _check_vehicle(self) -> None:
         if self.vehicle.disturbance is not None:
             raise InvalidDescription(
@@ -295,7 +309,7 @@ class Requirements(Description):
                     f"uncertain.{path}",
                     f"must begin with {VEHICLE[:-1]}; the map's range is `curvature`",
                 )
-            for end in ends:
+            for end in (*ends, sum(ends) / 2):
                 try:
                     self.vehicle.replace({path.removeprefix(VEHICLE): end})
                 except InvalidDescription as error:
@@ -309,6 +323,16 @@ class Requirements(Description):
     def axes(self) -> tuple[str, ...]:
         """Return the axes' letters."""
         return axis_names(self.vehicle.dimension())
+
+
+def _numbers(given: Any) -> Iterator[float]:
+    if isinstance(given, float):
+        yield given
+    elif isinstance(given, Description):
+        yield from flatten(given)[1]
+    elif isinstance(given, tuple | Table):
+        for item in given.values() if isinstance(given, Table) else given:
+            yield from _numbers(item)
 
 
 def _each(given: Any) -> tuple[float, ...]:

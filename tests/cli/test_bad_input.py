@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from extremum.cli.main import main
+from refusals import refused
 
 SCENARIO = """
 title = "T"
@@ -41,20 +40,6 @@ FIELD = SCENARIO[SCENARIO.index("[field]") : SCENARIO.index("[vehicle]")]
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def refused(capsys, *arguments: str) -> str:
-    """Run the command; return its one message after checking how it ended."""
-    before = sorted(Path().rglob("*"))
-    assert main(arguments) == 2
-    assert sorted(Path().rglob("*")) == before
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("extremum: error: ")
-    assert printed.err.count("\n") == 1, printed.err
-    assert len(printed.err) < 600
-    assert "Traceback" not in printed.err
-    return printed.err
 
 
 def refuse(capsys, content: str | bytes) -> str:

@@ -1,4 +1,4 @@
-"""The command line: `extremum run | paper | equations`."""
+"""The command line: `extremum run | paper | equations | stability | design`."""
 
 from .main import main
 

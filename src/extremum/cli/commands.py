@@ -7,22 +7,25 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from .. import plots
 from ..errors import InvalidDescription
 from ..papers import zhang2007
-from ..scenario import Scenario, load_scenario
+from ..requirements import load_requirements
+from ..scenario import Scenario, format_scenario, load_scenario
 from .files import Files
 from .progress import Bar
 from .report import summary
 
 if TYPE_CHECKING:
     import xarray
+    from rich.console import Console
 
+T = TypeVar("T")
 FIGURES = (".png", ".pdf", ".svg")
 ANIMATIONS = (".gif", ".mp4")
 WIDTH = 120
@@ -31,7 +34,7 @@ WIDTH = 120
 
 def run(options: argparse.Namespace) -> int:
     """Simulate a scenario file; print, and write what was asked for."""
-    scenario = _load(options.scenario)
+    scenario = _load(options.scenario, load_scenario)
     wanted = {
         "data": _suffixed(options.output, (".nc",), "-o"),
         "plot": _suffixed(options.plot, FIGURES, "--plot"),
@@ -75,6 +78,35 @@ def paper(options: argparse.Namespace) -> int:
     return status
 
 
+def design(options: argparse.Namespace) -> int:
+    """Design a controller for a requirements file; print the report, and write the scenario."""
+    from ..theory.synthesis import design as designed
+    from ..theory.synthesis.table import rendered
+
+    requirements = _load(options.requirements, load_requirements)
+    wanted = {
+        "scenario": _suffixed(options.output, (".toml",), "-o"),
+        "plot": _suffixed(options.plot, FIGURES, "--plot"),
+    }
+    target = wanted["scenario"]
+    if target is not None and target.resolve() == Path(options.requirements).resolve():
+        raise InvalidDescription("", f"-o {options.output}: would replace the requirements")
+    with Files({key: path for key, path in wanted.items() if path}, options.force) as files:
+        try:
+            found = designed(requirements)
+        except InvalidDescription as error:
+            raise _in_file(error, options.requirements) from None
+        if "scenario" in files:
+            files["scenario"].write_text(format_scenario(found.scenario()), encoding="utf-8")
+        if "plot" in files:
+            plots.design(found).savefig(files["plot"], dpi=150)
+        console = _console()
+        console.print(rendered(found, console.width))
+        files.commit()
+    _report_written(files)
+    return 0
+
+
 def _errata() -> int:
     from ..papers.zhang2007.errata import report
 
@@ -105,31 +137,36 @@ def stability(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(verdict.data(), indent=2, ensure_ascii=False))
     else:
-        from rich.console import Console
-
         from ..theory.table import rendered
 
-        known = sys.stdout.isatty() or "COLUMNS" in os.environ
-        console = Console(width=None if known else WIDTH)
+        console = _console()
         if scenario.title:
             console.print(scenario.title, markup=False, highlight=False)
         console.print(rendered(verdict, console.width))
     return 0 if verdict.stable else 1
 
 
+def _console() -> Console:
+    """Return standard output, as wide as its terminal."""
+    from rich.console import Console
+
+    known = sys.stdout.isatty() or "COLUMNS" in os.environ
+    return Console(width=None if known else WIDTH)
+
+
 @contextmanager
 def _about(path: str) -> Iterator[Scenario]:
     """Load a scenario; name its file in whatever is refused about its loop."""
-    scenario = _load(path)
+    scenario = _load(path, load_scenario)
     try:
         yield scenario
     except InvalidDescription as error:
         raise _in_file(error, path) from None
 
 
-def _load(path: str) -> Scenario:
+def _load(path: str, load: Callable[[str], T]) -> T:
     try:
-        return load_scenario(path)
+        return load(path)
     except InvalidDescription as error:
         if "\0" not in path and Path(path).is_file():
             raise _in_file(error, path) from None

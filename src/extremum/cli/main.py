@@ -63,6 +63,7 @@ def _parser() -> argparse.ArgumentParser:
   extremum run fig4.toml --plot fig4b.png     run it again after editing the file
   extremum equations fig4.toml                its differential equations
   extremum stability fig4.toml                is it stable, and what says so
+  extremum design wishes.toml -o loop.toml    a controller that is proved to work
 
 exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is wrong""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -73,6 +74,7 @@ exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is
     _add_paper(verbs)
     _add_equations(verbs)
     _add_stability(verbs)
+    _add_design(verbs)
     return parser
 
 
@@ -149,3 +151,25 @@ exit status: 0 stable, 1 not stable or not shown to be, 2 something in the input
     stability.add_argument("scenario", metavar="SCENARIO.toml")
     stability.add_argument("--json", action="store_true", help="print JSON")
     stability.set_defaults(command=commands.stability)
+
+
+def _add_design(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    design = verbs.add_parser(
+        "design",
+        help="find a controller that meets requirements, or the reason why none does",
+        description="Find a controller for what is known of vehicle and map and what is wanted of "
+        "the loop.\nIt is proved for the averaged loop and confirmed on the exact one; the report "
+        "lists every\nrule with its value, its limit and who decided it.",
+        epilog="""examples:
+  extremum design wishes.toml                             the report on the terminal
+  extremum design wishes.toml -o loop.toml                also a scenario, for `extremum run`
+  extremum design wishes.toml --plot design.png           also roots, margins and responses
+
+exit status: 0 designed, 2 no controller meets the requirements, or the input is wrong""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    design.add_argument("requirements", metavar="REQUIREMENTS.toml")
+    design.add_argument("-o", "--output", metavar="LOOP.toml", help="write a scenario that runs")
+    design.add_argument("--plot", metavar="OUT.png", help="write a figure (.png, .pdf, .svg)")
+    design.add_argument("--force", action="store_true", help="overwrite existing files")
+    design.set_defaults(command=commands.design)

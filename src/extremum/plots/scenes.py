@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidDescription
 from ..fields import Field
-from ..printing import SUPERSCRIPTS
+from ..printing import unit_text
 from ..scenario import View, parse_scenario
 from ..symbols import coordinates, t
 
@@ -177,8 +176,7 @@ def unit_of(array: xarray.DataArray) -> str:
 def label(name: str, unit: str) -> str:
     """Return a symbol and its unit, $v_{x}$ (m/s²); the unit 1 is not shown."""
     symbol = f"${sympy.latex(sympy.Symbol(name))}$"
-    unit = re.sub(r"\^(-?\d+)", lambda match: match[1].translate(SUPERSCRIPTS), unit)
-    return symbol if unit == "1" else f"{symbol} ({unit})"
+    return f"{symbol} ({unit_text(unit)})" if unit_text(unit) else symbol
 
 
 def _source(run: xarray.Dataset) -> Array:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import sympy
 from sympy import Expr, Symbol
+from sympy.polys.matrices import DomainMatrix
 
 from ..symbols import substituted
 from ..symbols import t as time
@@ -59,14 +60,26 @@ def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
         counts = [[len(summands(e)) if e != 0 else 0 for e in row] for row in matrix.tolist()]
         if permanent(counts, MAX_TERMS) >= MAX_TERMS:
             return None
-        determinant = sympy.expand(matrix.det())
+        adjugate, determinant = _adjugate(matrix)
         if determinant == 0:
             return None
-        solved = -matrix.adjugate() * constant
-        for x, e in zip(group, solved, strict=True):
+        for x, e in zip(group, -adjugate * constant, strict=True):
             known[x] = quotient(e, determinant)
             del pending[x]
     return {x: known[x] for x in states}
+
+
+def _adjugate(matrix: sympy.MatrixBase) -> tuple[Any, Expr]:
+    """Return adj M and det M, worked out with one letter for each entry: few terms, whatever each.
+
+    (Elimination would divide the entries themselves by each other, and cancel for ever.)
+    """
+    letters = matrix.applyfunc(lambda e: sympy.Dummy() if e != 0 else e)
+    table = {x: e for x, e in zip(letters.flat(), matrix.flat(), strict=True) if e != 0}
+    adjugate, determinant = DomainMatrix.from_Matrix(letters).adj_det()
+    found = adjugate.to_Matrix().applyfunc(lambda e: substituted(e, table))
+    law = substituted(adjugate.domain.to_sympy(determinant), table)
+    return found, sympy.expand(law)
 
 
 def quotient(numerator: Any, determinant: Any) -> Any:

@@ -63,6 +63,21 @@ def exponents(factors: ArrayLike, period: float) -> Complex:
     return found[np.lexsort((-found.imag, -found.real))]
 
 
+def monodromy(factors: ArrayLike) -> Vector:
+    """Return Φ_m … Φ₂ Φ₁, right in its large multipliers; see `exponents` for the small ones."""
+    cycle = np.asarray(factors, dtype=float)
+    product = np.eye(cycle.shape[1])
+    for factor in cycle:
+        product = factor @ product
+    return product
+
+
+def leading(factors: ArrayLike, period: float) -> float:
+    """Return the largest real part of the exponents (1/s); much faster than all of them."""
+    increment = monodromy(factors) - np.eye(np.shape(factors)[1])
+    return float(_logs(increment).real.max()) / period
+
+
 def decays(modes: Complex) -> bool:
     """Return whether every real part is negative; one that is 0 to rounding is not."""
     size = float(np.abs(modes).max(initial=0.0))

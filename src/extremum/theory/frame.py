@@ -27,7 +27,7 @@ from ..diagram import Motion
 from ..engines.trajectory import UNDEFINED
 from ..loop import SENSED, Loop, checked
 from ..parameters import Parameter
-from ..rational import ratio
+from ..rational import ratio, vanishes
 from ..symbols import axis_names, substituted
 from ..symbols import t as time
 from ..system import System
@@ -372,7 +372,8 @@ def _settled(rate: Expr, dithers: Sequence[Oscillator], system: System) -> Expr:
             pure.setdefault(wave, []).append(coefficient)
         else:
             others.append(term)
-    left = (wave * sympy.cancel(sympy.Add(*cs)) for wave, cs in pure.items())
+    sums = {wave: sympy.Add(*cs) for wave, cs in pure.items()}
+    left = (wave * sympy.cancel(e) for wave, e in sums.items() if not vanishes(e))
     return sympy.Add(*others, *left)
 
 

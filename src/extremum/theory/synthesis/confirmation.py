@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...engines.choice import ENGINES, usual
 from ...engines.trajectory import COMPLETED
 from ...loop import Loop
+from ..floquet import leading, monodromy
 from ..orbits import Orbit, periodic_orbit
 from .building import centred
 from .family import LINEAR
@@ -21,6 +22,9 @@ from .responses import SETTLED
 
 Vector = NDArray[np.float64]
 
+SAMPLES: Final = 24
+"""Samples per period of a run."""
+TOLERANCE: Final = 1e-9
 PATIENCE: Final = 4.0
 """Wanted settling times after which a loop counts as not settling."""
 
@@ -62,12 +66,14 @@ def confirmed(loop: Loop, point: Mapping[str, float], wanted: float) -> Confirme
     """Return what the exact loop does at a point; `wanted` is the settling time (s) or infinity."""
     here = loop.replace(dict(point))
     orbit = periodic_orbit(here)
-    if not orbit.found or not orbit.stable:
-        worst = float(orbit.exponents[0].real) if orbit.found else math.nan
-        return Confirmed(point, worst, math.inf, math.inf, math.nan, orbit.outcome)
+    if orbit.closed is None:
+        return Confirmed(point, math.nan, math.inf, math.inf, math.nan, orbit.outcome)
+    exponent = leading(orbit.closed.factors, orbit.period)
+    if exponent >= 0:
+        return Confirmed(point, exponent, math.inf, math.inf, math.nan, orbit.outcome)
     times = settlings(here, orbit, wanted) if math.isfinite(wanted) else (math.nan, math.nan)
     offset = float(np.linalg.norm(orbit.offset))
-    return Confirmed(point, float(orbit.exponents[0].real), *times, offset, orbit.outcome)
+    return Confirmed(point, exponent, *times, offset, orbit.outcome)
 
 
 def reach(loop: Loop) -> float:
@@ -86,9 +92,7 @@ def settlings(loop: Loop, orbit: Orbit, wanted: float) -> tuple[float, float]:
     is the start on the dither, minus the same start without r, and minus the orbit at t = 0.
     """
     assert orbit.closed is not None
-    monodromy = np.eye(len(orbit.start))
-    for factor in orbit.closed.factors:
-        monodromy = factor @ monodromy
+    turn = monodromy(orbit.closed.factors)
     system, r = orbit.frame.system, reach(loop)
     places = [system.states.index(x) for x in system.outputs["offset"]]
     still, *moved = (np.array(system.start(values)) for values in _starts(loop, orbit, r))
@@ -97,7 +101,7 @@ def settlings(loop: Loop, orbit: Orbit, wanted: float) -> tuple[float, float]:
     outside = np.empty((count, deviation.shape[1]), dtype=bool)
     for k in range(count):
         outside[k] = np.linalg.norm(deviation[places], axis=0) > SETTLED * r
-        deviation = monodromy @ deviation
+        deviation = turn @ deviation
     last = np.where(outside[-1], np.inf, count - 1.0 - np.argmax(outside[::-1], axis=0))
     charged, empty = np.split(np.where(outside.any(axis=0), last, 0.0) * orbit.period, 2)
     return float(charged.max()), float(empty.max())
@@ -143,6 +147,8 @@ def arrival(
     """Run the exact loop from a displacement (m) for a duration (s)."""
     here = loop.replace(dict(point))
     orbit = periodic_orbit(here)
+    if not orbit.found:
+        return Arrival(orbit.outcome, math.inf, (0.0,) * len(displacement))
     system, values = orbit.frame.system, list(orbit.frame.values)
     source = here.field.source  # pyright: ignore[reportAttributeAccessIssue]
     paths = [p.path for p in system.parameters]
@@ -160,8 +166,3 @@ def arrival(
         return Arrival(run.outcome, math.inf, pushed)
     mean = outputs["offset"][-SAMPLES:].mean(axis=0)
     return Arrival(run.outcome, float(np.linalg.norm(mean - orbit.offset)), pushed)
-
-
-SAMPLES: Final = 24
-"""Samples per period of a run."""
-TOLERANCE: Final = 1e-9

@@ -51,6 +51,7 @@ def check(wanted: Requirements, members: tuple[Family, ...]) -> None:
     for family in members:
         for plant in family.vertices:
             _check_plant(wanted, family, plant)
+        _check_authority(family)
         signs = {math.copysign(1.0, p.numerator[-1]) for p in family.vertices}
         if len(signs) > 1:
             raise Infeasible(
@@ -87,14 +88,14 @@ def _check_plant(wanted: Requirements, family: Family, plant: Plant) -> None:
                     relaxations=("uncertain",),
                 )
     for p in poles:
-        if p.real * wanted.delay > math.log(WORST_PEAK):
+        least = math.exp(min(p.real * wanted.delay, 700.0))
+        if least > WORST_PEAK:
             raise Infeasible(
                 "delay",
                 "delay",
                 f"an unstable pole at {_at(p)} on axis {family.name} under a dead time of "
-                f"{wanted.delay:g} s makes max |S(jω)| ≥ e^(pT) = "
-                f"{math.exp(p.real * wanted.delay):.3g} whatever the controller; at most "
-                f"{WORST_PEAK:g} is robust",
+                f"{wanted.delay:g} s makes max |S(jω)| ≥ e^(pT) = {least:.3g} whatever the "
+                f"controller; at most {WORST_PEAK:g} is robust",
                 relaxations=("delay", "uncertain"),
             )
 
@@ -206,9 +207,8 @@ def check_delay(plan: Plan, axis: int, base: float) -> None:
     )
 
 
-def check_authority(plan: Plan, axis: int) -> None:
-    """Refuse an input that cannot hold the vehicle, or has no room for the probe."""
-    family = plan.families[axis]
+def _check_authority(family: Family) -> None:
+    """Refuse an input that cannot hold the vehicle, and so has no room for a probe either."""
     if family.load >= family.input:
         parts = max(abs(p.load) for p in family.vertices) * family.source
         raise Infeasible(
@@ -275,6 +275,19 @@ def pushed(plan: Plan, family: Family, peak: float, displacement: tuple[float, .
         f"on axis {family.name} a run of the exact loop from {far:.3g} m away needs |u| = "
         f"{peak:.3g}, the limit is {family.input:.3g}: it would saturate",
         relaxations=("input_limit", "start_distance", "dither_limit", "settling_time"),
+    )
+
+
+def cramped(plan: Plan, axis: int, base: float, reason: str) -> Infeasible:
+    """Return that the input has no room for a dither that is large enough."""
+    family, omega = plan.families[axis], plan.frequency(axis, base)
+    return Infeasible(
+        "input",
+        "input_limit",
+        f"on axis {family.name} the input, {family.input:.3g} with {family.load:.3g} to hold the "
+        f"vehicle, has room for a dither of α = {plan.amplitude(axis, base):.3g} m at "
+        f"ω = {omega:.3g} rad/s, and that is too small: {reason}",
+        relaxations=("input_limit", "settling_time", "start_distance", "source_distance", "force"),
     )
 
 

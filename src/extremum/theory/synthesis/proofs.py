@@ -77,7 +77,8 @@ def _per_curvature(wanted: Requirements, family: Family, shape: Shape) -> Expr:
 
 def _plant(wanted: Requirements, axis: int, box: Box) -> Expr:
     """Return G(s) with letters for its uncertain numbers, whose ranges are added to the box."""
-    transfer = wanted.vehicle.axes[axis]
+    lettered = {path.removeprefix(VEHICLE): _ordinary(*e) for path, e in wanted.uncertain.items()}
+    transfer = wanted.vehicle.replace(lettered).axes[axis]
     twin, parameters = symbolic(transfer, 1, {})
     table: dict[Any, Any] = {}
     for parameter, value in zip(parameters, flatten(transfer)[1], strict=True):
@@ -90,6 +91,11 @@ def _plant(wanted: Requirements, axis: int, box: Box) -> Expr:
             table[parameter.symbol] = exact(value)
     law: Any = twin.law()
     return law.xreplace(table)
+
+
+def _ordinary(low: float, high: float) -> float:
+    """Return a number of a range that is no structure, as a coefficient 0 or a gain 1 is."""
+    return next(x for x in (high, low, low + (high - low) / 3, 0.5) if x not in (0.0, 1.0))
 
 
 def _compensator(family: Family, shape: Shape) -> Expr:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from ...engines.trajectory import COMPLETED, ESCAPED, LEFT
 from ...loop import Loop
 from ..robustness import Proof
 from . import limits
@@ -21,6 +22,7 @@ from .shapes import CHARGING, Wish
 RAISE: Final = 1.2
 """Factor by which ω is raised when the exact loop does not do what the averaged one does."""
 RAISES: Final = 14
+ENDS: Final = (COMPLETED, ESCAPED, LEFT)
 ARRIVAL: Final = 2.0
 """Settling times within which a start from far away must have come to a tenth."""
 
@@ -64,31 +66,33 @@ class _Search:
         plan = self.plan
         for axis in range(len(plan.families)):
             limits.check_frequency(plan, axis, base, begun, reason)
-            limits.check_authority(plan, axis)
             limits.check_delay(plan, axis, base)
             limits.check_noise(plan, axis, base)
 
     def _judged(
         self, loop: Loop, hard: list[dict[str, float]]
     ) -> tuple[str, tuple[Confirmed, ...], tuple[Arrival, ...]]:
-        """Return why the exact loop fails, or nothing; what was seen; points that failed first."""
+        """Return why the exact loop fails, or nothing, and what was seen.
+
+        What failed before, `hard`, is looked at first; then the runs, which are few; then the rest.
+        """
         box = self.plan.judged_box()
-        seen = []
-        for point in itertools.chain(hard, corners(box), midpoints(box), [centre(box)]):
-            if any(c.point == point for c in seen):
-                continue
-            here = confirmed(loop, point, self.wish.settling)
-            seen.append(here)
-            if reason := self._failing(here):
-                if point not in hard:
-                    hard.append(point)
+        seen: list[Confirmed] = []
+        for point in hard:
+            seen.append(confirmed(loop, point, self.wish.settling))
+            if reason := self._failing(seen[-1]):
                 return reason, (), ()
         runs = []
         for point, displacement in _far(self.plan, loop):
-            run = arrival(loop, point, displacement, self._duration)
-            runs.append(run)
-            if reason := self._lost(run, displacement):
+            runs.append(arrival(loop, point, displacement, self._duration))
+            if reason := self._lost(runs[-1], displacement, float(loop.controller.base())):
                 return reason, (), ()
+        for point in itertools.chain(corners(box), midpoints(box), [centre(box)]):
+            if point not in hard:
+                seen.append(confirmed(loop, point, self.wish.settling))
+                if reason := self._failing(seen[-1]):
+                    hard.append(point)
+                    return reason, (), ()
         return "", tuple(seen), tuple(runs)
 
     def _failing(self, here: Confirmed) -> str:
@@ -108,21 +112,24 @@ class _Search:
         decay = min(proof.decay for proof in self.proofs)
         return ARRIVAL * (settling if math.isfinite(settling) else 4 / decay)
 
-    def _lost(self, run: Arrival, displacement: tuple[float, ...]) -> str:
-        for family, pushed in zip(self.plan.families, run.input, strict=True):
-            if pushed > family.input:
-                raise limits.pushed(self.plan, family, pushed, displacement)
+    def _lost(self, run: Arrival, displacement: tuple[float, ...], base: float) -> str:
         far = math.hypot(*displacement)
-        if run.distance > far / 10:
-            return (
-                f"from {far:.3g} m away the exact loop {_ending(run)} after {self._duration:.3g} s"
-            )
-        return ""
+        if run.outcome == COMPLETED:
+            for family, pushed in zip(self.plan.families, run.input, strict=True):
+                if pushed > family.input:
+                    raise limits.pushed(self.plan, family, pushed, displacement)
+        if run.distance <= far / 10:
+            return ""
+        reason = f"from {far:.3g} m away the exact loop {_ending(run)} after {self._duration:.3g} s"
+        for axis, family in enumerate(self.plan.families):
+            if self.plan.amplitude(axis, base) < family.dither:
+                raise limits.cramped(self.plan, axis, base, reason)
+        return reason
 
 
 def _ending(run: Arrival) -> str:
     if math.isinf(run.distance):
-        return f"has {run.outcome}"
+        return "has " + ("no orbit to arrive at" if run.outcome not in ENDS else run.outcome)
     return f"is still {run.distance:.3g} m away"
 
 
