@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, Final
 
@@ -60,26 +61,33 @@ def equilibrium_steps(averaged: Averaged) -> dict[Symbol, Expr] | None:
         counts = [[len(summands(e)) if e != 0 else 0 for e in row] for row in matrix.tolist()]
         if permanent(counts, MAX_TERMS) >= MAX_TERMS:
             return None
-        adjugate, determinant = _adjugate(matrix)
+        solved, determinant = _cramer(matrix, constant)
         if determinant == 0:
             return None
-        for x, e in zip(group, -adjugate * constant, strict=True):
+        for x, e in zip(group, solved, strict=True):
             known[x] = quotient(e, determinant)
             del pending[x]
     return {x: known[x] for x in states}
 
 
-def _adjugate(matrix: sympy.MatrixBase) -> tuple[Any, Expr]:
-    """Return adj M and det M, worked out with one letter for each entry: few terms, whatever each.
+def _cramer(matrix: Any, constant: Any) -> tuple[list[Expr], Expr]:
+    """Return det Mᵢ and det M of M x = −constant, Mᵢ with −constant for its column i.
 
-    (Elimination would divide the entries themselves by each other, and cancel for ever.)
+    They are worked out with one letter for each entry: few terms, whatever the entries are, where
+    elimination would divide the entries by each other and cancel for ever.
     """
-    letters = matrix.applyfunc(lambda e: sympy.Dummy() if e != 0 else e)
-    table = {x: e for x, e in zip(letters.flat(), matrix.flat(), strict=True) if e != 0}
-    adjugate, determinant = DomainMatrix.from_Matrix(letters).adj_det()
-    found = adjugate.to_Matrix().applyfunc(lambda e: substituted(e, table))
-    law = substituted(adjugate.domain.to_sympy(determinant), table)
-    return found, sympy.expand(law)
+    whole = matrix.row_join(-constant)
+    letters = whole.applyfunc(lambda e: sympy.Dummy() if e != 0 else e)
+    table = {x: e for x, e in zip(letters.flat(), whole.flat(), strict=True) if e != 0}
+    count = matrix.rows
+
+    def determinant(columns: Sequence[int]) -> Expr:
+        chosen = DomainMatrix.from_Matrix(letters[:, list(columns)])
+        return substituted(chosen.domain.to_sympy(chosen.det()), table)
+
+    replaced = [[*range(i), count, *range(i + 1, count)] for i in range(count)]
+    found = determinant(range(count))
+    return [determinant(columns) for columns in replaced], sympy.expand(found)
 
 
 def quotient(numerator: Any, determinant: Any) -> Any:

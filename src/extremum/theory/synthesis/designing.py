@@ -79,7 +79,7 @@ def _feasible(requirements: Requirements) -> bool:
 
 
 def _attempt(wanted: Requirements) -> Design:
-    """Return a design with the first shapes that can be proved and confirmed."""
+    """Return a design with the first shapes that do; where ω had to be raised, the lowest ω's."""
     limits.check_hessian(wanted)
     members = families(wanted)
     limits.check(wanted, members)
@@ -91,18 +91,26 @@ def _attempt(wanted: Requirements) -> Design:
         if not known[family.key]:
             raise limits.no_shape(wanted, family, wish)
     options = [known[family.key] for family in members]
+    best: Design | None = None
     first: Infeasible | None = None
     for k in range(max(map(len, options))):
         chosen = tuple(some[min(k, len(some) - 1)] for some in options)
         try:
             plan = _planned(wanted, members, chosen)
-            return found(plan, wish, _proved(plan))
+            design = found(plan, wish, _proved(plan))
         except Infeasible as refusal:
             if refusal.condition not in TRIED_AGAIN:
                 raise
             first = first or refusal
-    assert first is not None
-    raise first
+            continue
+        if best is None or design.frequency < best.frequency:
+            best = design
+        if design.frequency == design.begun:
+            break
+    if best is None:
+        assert first is not None
+        raise first
+    return best
 
 
 def _planned(wanted: Requirements, members: tuple[Family, ...], chosen: tuple[Shape, ...]) -> Plan:

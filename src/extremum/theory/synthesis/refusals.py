@@ -72,7 +72,8 @@ def _narrowed(wanted: Requirements, k: float) -> Requirements:
     eased = []
     for low, high in wanted.curvature:
         middle, half = math.sqrt(low * high), math.sqrt(high / low) ** (1 / k)
-        eased.append((_neat(middle / half, 1), _neat(middle * half, -1)))
+        ends = _neat(middle / half, 1), _neat(middle * half, -1)
+        eased.append((min(ends), max(ends)))
     return wanted.replace({"curvature": tuple(eased)})
 
 
@@ -149,7 +150,8 @@ def _shown(given: object) -> str:
     if isinstance(given, float):
         return f"{given:.3g}"
     if isinstance(given, tuple):
-        return "(" + ", ".join(_shown(x) for x in given) + ")"
+        inner = ", ".join(_shown(x) for x in given)
+        return f"({inner},)" if len(given) == 1 else f"({inner})"
     if isinstance(given, dict):
         return "{" + ", ".join(f"{k}: {_shown(v)}" for k, v in given.items()) + "}"
     return str(given)
