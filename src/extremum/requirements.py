@@ -26,7 +26,22 @@ class SourceMotion(Description, abstract=True):
 
 
 class Ramp(SourceMotion):
-    """A source of constant velocity: the loop must be of type 2 to follow it without a lag."""
+    """A source of constant velocity.
+
+    With `zero_bias` the loop is made of type 2 and follows without a lag; without, of type 1, and a
+    lag v/K_v remains.
+
+    Parameters
+    ----------
+    velocity
+        Its bound (m/s), for what the input needs to follow; 0 leaves that out.
+    """
+
+    velocity: float = value("v", "m/s", "bound on the source's velocity", default=0.0)
+
+    def check(self) -> None:
+        """Refuse a negative bound."""
+        _check_bound("velocity", self.velocity)
 
 
 class Periodic(SourceMotion):
@@ -39,6 +54,8 @@ class Periodic(SourceMotion):
     up_to
         The highest frequency (rad/s) that its motion contains; None for Ω alone. A figure eight,
         a sin Ωt and a cos 2Ωt, has 2Ω.
+    amplitude
+        Bound on each of its sines (m), for what the input needs to follow; 0 leaves that out.
     """
 
     frequency: float = value("Omega", "rad/s", "Ω, the motion's fundamental", positive=True)
@@ -50,9 +67,11 @@ class Periodic(SourceMotion):
         positive=True,
         literal=is_none,
     )
+    amplitude: float = value("a", "m", "bound on each of its sines", default=0.0)
 
     def check(self) -> None:
         """Refuse an upper end below the fundamental, and more resonators than make sense."""
+        _check_bound("amplitude", self.amplitude)
         if self.up_to is not None and self.up_to < self.frequency:
             raise InvalidDescription(
                 "up_to", f"must not be below the fundamental {self.frequency:g}", shown(self.up_to)
@@ -72,6 +91,11 @@ class Periodic(SourceMotion):
 
 
 MAX_RESONATORS: Final = 4
+
+
+def _check_bound(name: str, given: float) -> None:
+    if given < 0:
+        raise InvalidDescription(name, "must not be negative", shown(given))
 
 
 def interval(given: Any) -> Interval:
@@ -134,7 +158,8 @@ class Requirements(Description):
     Parameters
     ----------
     vehicle
-        A `PointMass` with its nominal numbers, without a disturbance.
+        A `PointMass` without a disturbance. Its uncertain numbers count as the middles of their
+        ranges: that is the nominal vehicle, through whose 1/G₀(jω) the probe goes.
     curvature
         (low, high) of Q_ii (1/m²) for each axis, low > 0.
     dither_limit
@@ -150,7 +175,7 @@ class Requirements(Description):
         Dotted path of a number of the vehicle → (low, high):
         ``{"vehicle.axes.0.parameters.epsilon": (0, 0.5)}``.
     input_limit
-        Largest |input| (unit of the input), per axis; None for no limit.
+        Largest |input| (unit of the input), per axis; None for no limit on any.
     frequency_limit
         Highest dither frequency (rad/s); None for no limit.
     source_distance

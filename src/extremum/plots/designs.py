@@ -98,7 +98,10 @@ def design(design: Design) -> Figure:
         reason = "must be a Design, as extremum.design returns it"
         raise InvalidDescription("design", reason, shown(design))
     pairs = zip(design.plan.families, design.plan.shapes, strict=True)
-    bands = tuple(band(design.requirements, family, shape) for family, shape in pairs)
+    omegas = design.controller.frequencies()
+    bands = tuple(
+        band(design.requirements, *pair, omega) for pair, omega in zip(pairs, omegas, strict=True)
+    )
     seen = witnesses(design)
     radius = VIEW * max(shape.fastest for shape in design.plan.shapes)
     exponents = [witness.exponents(bands, radius) for witness in seen]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...requirements import Requirements
 from . import polynomials as poly
-from .family import Family, Plant, pade, plants
+from .family import Family, Plant, pade, plants, uncertain
 from .polynomials import Complex, Vector
 from .responses import modes, responses
 from .shapes import Shape
@@ -86,7 +86,7 @@ class Band:
         early, late = pade(self.family.delay)
         point = 1j * omega
         value = np.sign(self.shape.gain) * poly.at(
-            poly.product(plant.numerator, above, early), point
+            poly.product(plant.heard * plant.numerator, above, early), point
         )
         value = value / poly.at(poly.product(plant.denominator, below, late), point)
         size = 20 * np.log10(np.abs(value))
@@ -108,10 +108,10 @@ class Band:
         return np.array(self.shape.above), np.array(self.shape.below)
 
 
-def band(requirements: Requirements, family: Family, shape: Shape) -> Band:
-    """Return an axis' averaged loops over a lattice of its box."""
-    uncertain = sum(p.startswith(f"vehicle.axes.{family.axis}.") for p in requirements.uncertain)
-    nodes = plants(requirements, family.axis, NODES.get(uncertain, 2))
+def band(requirements: Requirements, family: Family, shape: Shape, omega: float) -> Band:
+    """Return an axis' averaged loops over a lattice of its box, with a dither at ω (rad/s)."""
+    count = NODES.get(uncertain(requirements, family.axis), 2)
+    nodes = tuple(family.hearing(p, omega) for p in plants(requirements, family.axis, count))
     gains = shape.gain * np.geomspace(*family.gains, GAINS)
     return Band(family, shape, nodes, gains)
 

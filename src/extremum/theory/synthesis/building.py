@@ -6,13 +6,12 @@ import cmath
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
-import sympy
 
 from ...controllers import Channel, Dither, GradientES
 from ...fields import Quadratic
@@ -20,10 +19,10 @@ from ...loop import Loop, OnDither
 from ...lti import Transfer, transfer
 from ...rational import at_frequency
 from ...requirements import VEHICLE, Requirements
-from ...symbols import exact, s
 from ...vehicles import PointMass
 from .candidates import rounded
-from .family import WASHOUT, Family, pade
+from .family import WASHOUT, Family, middle, pade, plant_of, uncertain
+from .polynomials import expression
 from .shapes import Shape
 
 DIGITS: Final = 5
@@ -53,24 +52,39 @@ class Plan:
     def vehicle(self) -> PointMass:
         """The vehicle in the middle of its uncertain numbers' ranges."""
         wanted = self.requirements
-        middle: dict[str, Any] = {
-            path.removeprefix(VEHICLE): (low + high) / 2
-            for path, (low, high) in wanted.uncertain.items()
-        }
-        if any(self.forces):
-            middle["disturbance"] = self.forces
-        return wanted.vehicle.replace(middle)
+        numbers: dict[str, Any] = dict(middle(wanted))
+        if any(f.force for f in self.families):
+            numbers["disturbance"] = tuple(f.force for f in self.families)
+        return wanted.vehicle.replace(numbers)
 
-    @property
-    def forces(self) -> tuple[float, ...]:
-        """The largest force on each axis."""
-        return tuple(f.force for f in self.families)
+    def tuned(self, base: float) -> Plan:
+        """Return the plan with what dithers at multiples of ω = `base` make of each plant."""
+        tuned = (f.tuned(self.frequency(i, base)) for i, f in enumerate(self.families))
+        return replace(self, families=tuple(tuned))
+
+    def pushed(self, point: Point) -> dict[str, float]:
+        """Return the forces that add to what holds the vehicle at its source, at a point.
+
+        Of −|d| and |d| the one that makes |D(0)/N(0) x* − d| the larger, x* ≥ 0.
+        """
+        if not any(f.force for f in self.families):
+            return {}
+        known = {
+            p.removeprefix(VEHICLE): point[p] for p in self.requirements.uncertain if p in point
+        }
+        laws = self.vehicle.replace(known).dynamics()
+        found = {}
+        for family, law in zip(self.families, laws, strict=True):
+            path = f"{VEHICLE}disturbance.{family.axis}"
+            if path not in point:
+                found[path] = -family.force if plant_of(law).load > 0 else family.force
+        return found
 
     @cached_property
     def sensor(self) -> Transfer:
         """F(s) with the dead time in a Padé form whose phase is right to 1° up to ωT = 3π/2."""
         wanted = self.requirements
-        above, below = (_polynomial(p) for p in pade(wanted.delay, DELAY_ORDER))
+        above, below = (expression(p) for p in pade(wanted.delay, DELAY_ORDER))
         return transfer(wanted.sensor.law() * above / below)
 
     def frequency(self, axis: int, base: float) -> float:
@@ -92,7 +106,7 @@ class Plan:
     def amplitude(self, axis: int, base: float) -> float:
         """Return α (m): the dither's limit, or what the input has room for."""
         found = float(self.families[axis].amplitude(self.frequency(axis, base)))
-        return float(f"{found * (1 - 1e-3):.3g}") if found < self.families[axis].dither else found
+        return found if found == self.families[axis].dither else rounded_down(found)
 
     def controller(self, base: float) -> GradientES:
         """Return the controller for the base frequency ω = `base` (rad/s)."""
@@ -107,13 +121,12 @@ class Plan:
         response = self.response(axis, base)
         low, high = self.requirements.curvature[axis]
         gain = shape.gain / (amplitude * math.sqrt(low * high) * abs(response))
-        uncertain = any(p.startswith(f"{VEHICLE}axes.{axis}.") for p in self.requirements.uncertain)
-        through: Any = self.vehicle.axes[axis] if uncertain else None
+        through = self.vehicle.axes[axis] if uncertain(self.requirements, axis) else None
         phase = self.phases[axis]
         return Channel(
             dither=Dither(amplitude, phase=phase, through=through),
             gain=float(rounded(gain, DIGITS)),
-            compensator=transfer(_polynomial(shape.above) / _polynomial(shape.below)),
+            compensator=transfer(expression(shape.above) / expression(shape.below)),
             reference=float(rounded(phase + cmath.phase(response), 2 * DIGITS)),
             ratio=self.ratios[axis],
         )
@@ -122,13 +135,14 @@ class Plan:
         """Return the loop in the middle of the box, the source and the force at their farthest."""
         controller = self.controller(base)
         source = tuple(f.source for f in self.families)
-        return Loop(
+        found = Loop(
             field=Quadratic(source=source, q=self._curvature(), peak=0.0),
             vehicle=self.vehicle,
             controller=controller,
             start=OnDither(centred(controller, source)),
             sensor=self.sensor,
         )
+        return found.replace(self.pushed({}))
 
     def _curvature(self) -> Any:
         middle = [math.sqrt(low * high) for low, high in self.requirements.curvature]
@@ -152,12 +166,9 @@ class Plan:
         found |= {
             f"field.source.{f.axis}": (-f.source, f.source) for f in self.families if f.source
         }
-        if any(self.forces):
-            found |= {
-                f"{VEHICLE}disturbance.{f.axis}": (-f.force, f.force)
-                for f in self.families
-                if f.force
-            }
+        found |= {
+            f"{VEHICLE}disturbance.{f.axis}": (-f.force, f.force) for f in self.families if f.force
+        }
         return found
 
     def judged_box(self) -> dict[str, tuple[float, float]]:
@@ -175,6 +186,18 @@ class Plan:
                 and int(path.rpartition(".")[2]) in free
             )
         }
+
+
+def rounded_down(value: float) -> float:
+    """Return a positive number cut to four digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return float(f"{math.floor(value / unit) * unit:.4g}")
+
+
+def is_diagonal(path: str) -> bool:
+    """Return whether a path of Q, ``field.q.0`` or ``field.q.0.1``, is on its diagonal."""
+    indices = path.split(".")[2:]
+    return len(set(indices)) == 1
 
 
 def centred(controller: GradientES, centre: tuple[float, ...]) -> tuple[float, ...]:
@@ -229,8 +252,3 @@ def _factor(root: complex) -> str:
         return f"(s {'-' if root.real > 0 else '+'} {abs(root.real):.4g})"
     middle = f" {'-' if root.real > 0 else '+'} {2 * abs(root.real):.4g} s"
     return f"(s²{middle if abs(root.real) > 1e-9 * size else ''} + {size**2:.4g})"
-
-
-def _polynomial(coefficients: Any) -> Any:
-    powers = range(len(coefficients) - 1, -1, -1)
-    return sympy.Add(*(exact(c) * s**k for c, k in zip(coefficients, powers, strict=True)))

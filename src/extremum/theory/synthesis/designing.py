@@ -9,11 +9,9 @@ from typing import Any, Final
 from ...errors import InvalidDescription, shown
 from ...requirements import Requirements
 from ..probing import assign_frequencies
-from ..robustness import Proof
 from . import limits
 from .building import Plan
 from .family import Family, families
-from .proofs import axis_proof, coupled_proof
 from .refusals import Infeasible, eased
 from .report import Design
 from .search import found
@@ -21,6 +19,8 @@ from .shapes import Shape, Wish, shapes
 
 TRIALS: Final = 3
 """Shapes tried on each axis before a refusal."""
+LIKELY: Final = 10.0
+"""ω over the wanted speed for which shapes are chosen, before it is known."""
 TRIED_AGAIN: Final = ("proof", "coupling", "frequency", "exact loop")
 """Refusals after which another shape may do."""
 
@@ -81,9 +81,9 @@ def _feasible(requirements: Requirements) -> bool:
 def _attempt(wanted: Requirements) -> Design:
     """Return a design with the first shapes that do; where ω had to be raised, the lowest ω's."""
     limits.check_hessian(wanted)
-    members = families(wanted)
-    limits.check(wanted, members)
     wish = Wish(wanted.settling_time or math.inf, wanted.bandwidth or 0.0)
+    members = tuple(family.tuned(LIKELY * wish.speed) for family in families(wanted))
+    limits.check(wanted, members)
     known: dict[Any, list[Shape]] = {}
     for family in members:
         if family.key not in known:
@@ -97,7 +97,7 @@ def _attempt(wanted: Requirements) -> Design:
         chosen = tuple(some[min(k, len(some) - 1)] for some in options)
         try:
             plan = _planned(wanted, members, chosen)
-            design = found(plan, wish, _proved(plan))
+            design = found(plan, wish)
         except Infeasible as refusal:
             if refusal.condition not in TRIED_AGAIN:
                 raise
@@ -123,19 +123,3 @@ def _planned(wanted: Requirements, members: tuple[Family, ...], chosen: tuple[Sh
     ratios = tuple(given.ratios[order.index(i)] for i in axes)
     phases = tuple(given.phases[order.index(i)] for i in axes)
     return Plan(wanted, members, chosen, ratios, phases)
-
-
-def _proved(plan: Plan) -> tuple[Proof, ...]:
-    """Return proofs of decay over the box: of every axis, or of all that are coupled."""
-    wanted = plan.requirements
-    if wanted.coupling:
-        proof = coupled_proof(wanted, plan.families, plan.shapes)
-        if not proof.holds:
-            raise limits.coupled_too_much(wanted, proof)
-        return (proof,)
-    proofs = []
-    for family, shape in zip(plan.families, plan.shapes, strict=True):
-        proofs.append(axis_proof(wanted, family, shape))
-        if not proofs[-1].holds:
-            raise limits.unproved(family, proofs[-1])
-    return tuple(proofs)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -29,6 +29,10 @@ PACE: Final = 4.0
 """ω over the loop's bandwidth from which the search for ω starts."""
 LINEAR: Final = 0.1
 """c q r/ω up to which a displacement r counts as small."""
+NODES: Final = {0: 1, 1: 17, 2: 7}
+"""Nodes of the lattice along each of so many uncertain numbers; 3 along more."""
+BY_INPUT: Final = 0.999
+"""Part of its limit below which α is what the input has room for."""
 PROBE: Final = 0.7
 """Part of the input that is left after the load which the probe may take."""
 WASHOUT: Final = 0.5
@@ -39,10 +43,25 @@ WASHED: Final = 1 / math.hypot(1, WASHOUT)
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """G = N/D at one point of the box, highest power first, D monic."""
+    """G = N/D at one point of the box, highest power first, D monic.
+
+    Attributes
+    ----------
+    numerator, denominator
+        N and D.
+    heard
+        Re G(jω)/G₀(jω): the probe goes through 1/G₀ of the nominal vehicle, so that the position
+        moves by G/G₀ times α, of which the reference hears this part.
+    """
 
     numerator: Vector
     denominator: Vector
+    heard: float = 1.0
+
+    def response(self, frequency: Any) -> Any:
+        """Return G(jω)."""
+        point = 1j * np.asarray(frequency, dtype=float)
+        return at(self.numerator, point) / at(self.denominator, point)
 
     @property
     def load(self) -> float:
@@ -89,6 +108,12 @@ class Family:
         T (s).
     dither, input
         Limits of α (m) and |u|, infinite where there is none.
+    following
+        The input (bound) that moves the vehicle with the source.
+    lattice
+        G over a lattice of the uncertain numbers.
+    swing
+        max |G(jω)/G₀(jω)| over it: by how much the position may move more than α.
     """
 
     axis: int
@@ -104,16 +129,45 @@ class Family:
     delay: float
     dither: float
     input: float
+    following: float
+    lattice: tuple[Plant, ...]
+    swing: float = 1.0
+
+    def tuned(self, frequency: float) -> Family:
+        """Return the family with what a dither at ω = `frequency` (rad/s) makes of each plant."""
+        swing = max(abs(self._relative(p, frequency)) for p in self.lattice)
+        vertices, lattice = (
+            tuple(self.hearing(p, frequency) for p in some)
+            for some in (self.vertices, self.lattice)
+        )
+        return replace(self, vertices=vertices, lattice=lattice, swing=swing)
+
+    def hearing(self, plant: Plant, frequency: float) -> Plant:
+        """Return a plant with what is heard of a dither at ω = `frequency` (rad/s)."""
+        return replace(plant, heard=self._relative(plant, frequency).real)
+
+    def _relative(self, plant: Plant, frequency: float) -> complex:
+        return complex(plant.response(frequency) / self.nominal.response(frequency))
+
+    @property
+    def unstable(self) -> float:
+        """The largest real part of the plants' poles (1/s), 0 where none is unstable."""
+        return max(0.0, *(float(p.real) for plant in self.vertices for p in plant.poles))
+
+    @property
+    def heard(self) -> tuple[float, float]:
+        """The least and the greatest part of α that the reference hears, over the lattice."""
+        found = [p.heard for p in self.lattice]
+        return min(found), max(found)
 
     def amplitude(self, frequency: Any) -> Any:
-        """Return the largest α (m) whose probe α/|G(jω)| the input still has room for."""
-        return np.minimum(self.dither, PROBE * (self.input - self.load) * self.passed(frequency))
+        """Return the largest α (m) that is allowed, and whose probe α/|G₀(jω)| has room."""
+        room = PROBE * (self.input - self.load - self.following)
+        return np.minimum(self.dither / self.swing, room * self.passed(frequency))
 
     def passed(self, frequency: Any) -> Any:
-        """Return |G(jω)| of the nominal vehicle, through which the probe goes."""
-        point = 1j * np.asarray(frequency, dtype=float)
-        plant = self.nominal
-        return np.abs(at(plant.numerator, point) / at(plant.denominator, point))
+        """Return |G₀(jω)| of the nominal vehicle, through which the probe goes."""
+        return np.abs(self.nominal.response(frequency))
 
     def reach(self, bandwidth: Any, gain: Any) -> Any:
         """Return the displacement r = 0.1 ω/(c q) (m) up to which the loop counts as linear.
@@ -126,7 +180,8 @@ class Family:
     @property
     def sign(self) -> float:
         """The sign that the loop's gain must have."""
-        return math.copysign(1.0, float(self.nominal.numerator[-1]))
+        kept = float(self.include[0][-1])
+        return math.copysign(1.0, float(self.nominal.numerator[-1])) * (-1.0 if kept < 0 else 1.0)
 
     @property
     def load(self) -> float:
@@ -138,16 +193,16 @@ class Family:
         """What decides the compensator, hashable: axes alike get one alike."""
         plants = (self.nominal, *self.vertices)
         return (
-            tuple((tuple(p.numerator), tuple(p.denominator)) for p in plants),
+            tuple((tuple(p.numerator), tuple(p.denominator), p.heard) for p in plants),
             *(self.gains, self.load, self.integrators, self.resonances, self.delay),
-            *(self.dither, self.input),
+            *(self.dither, self.input, self.following, self.swing),
             tuple(tuple(part) for part in self.include),
         )
 
 
 def families(requirements: Requirements) -> tuple[Family, ...]:
     """Return the families of all axes."""
-    nominal = requirements.vehicle.replace(_middle(requirements)).dynamics()
+    nominal = requirements.vehicle.replace(middle(requirements)).dynamics()
     source, force = requirements.per_axis("source_distance"), requirements.per_axis("force")
     dither, pushed = requirements.per_axis("dither_limit"), requirements.per_axis("input_limit")
     found = []
@@ -160,7 +215,7 @@ def families(requirements: Requirements) -> tuple[Family, ...]:
             Family(
                 axis=axis,
                 name=name,
-                nominal=_plant(nominal[axis]),
+                nominal=plant_of(nominal[axis]),
                 vertices=vertices,
                 gains=(least / nominal_curvature, most / nominal_curvature),
                 source=source[axis],
@@ -171,6 +226,8 @@ def families(requirements: Requirements) -> tuple[Family, ...]:
                 delay=requirements.delay,
                 dither=dither[axis],
                 input=math.inf if pushed[axis] is None else pushed[axis],
+                following=max(_following(p, requirements) for p in vertices),
+                lattice=plants(requirements, axis, NODES.get(uncertain(requirements, axis), 3)),
             )
         )
     return tuple(found)
@@ -185,12 +242,17 @@ def plants(requirements: Requirements, axis: int, count: int) -> tuple[Plant, ..
         if path.startswith(f"{VEHICLE}axes.{axis}.")
     }
     lattice = itertools.product(*(np.unique(np.linspace(*ends, count)) for ends in mine.values()))
-    middle = _middle(requirements)
-    points = [middle | dict(zip(mine, map(float, node), strict=True)) for node in lattice]
-    return tuple(_plant(vehicle.replace(point).dynamics()[axis]) for point in points)
+    usual = middle(requirements)
+    points = [usual | dict(zip(mine, map(float, node), strict=True)) for node in lattice]
+    return tuple(plant_of(vehicle.replace(point).dynamics()[axis]) for point in points)
 
 
-def _middle(requirements: Requirements) -> dict[str, float]:
+def uncertain(requirements: Requirements, axis: int) -> int:
+    """Return how many numbers of an axis are uncertain."""
+    return sum(path.startswith(f"{VEHICLE}axes.{axis}.") for path in requirements.uncertain)
+
+
+def middle(requirements: Requirements) -> dict[str, float]:
     """Return the middle of every uncertain number's range, by its path in the vehicle."""
     return {
         path.removeprefix(VEHICLE): (low + high) / 2
@@ -219,7 +281,8 @@ def hessian_bounds(requirements: Requirements) -> tuple[list[list[float]], list[
     return bounds[0], bounds[1]
 
 
-def _plant(law: Any) -> Plant:
+def plant_of(law: Any) -> Plant:
+    """Return a transfer function without letters as a plant."""
     form = ratio(law)
     numerator, denominator = ([float(c) for c in cs] for cs in (form.numerator, form.denominator))
     return Plant(np.array(numerator), np.array(denominator))
@@ -238,6 +301,26 @@ def _integrators(plants: tuple[Plant, ...], wanted: Requirements, force: float) 
     return max(kind - poles_at_origin(plants), constant * (force > 0), 0)
 
 
+def _following(plant: Plant, wanted: Requirements) -> float:
+    """Return the input that moves the vehicle with the source, besides what holds it at a place.
+
+    |x̂/G(jΩ)| for a sine of amplitude x̂; the constant part of D(p)(vt)/N(p) for a velocity v.
+    """
+    motion = wanted.motion
+    if isinstance(motion, Periodic):
+        sizes = 1 / np.abs(plant.response(np.array(motion.frequencies())))
+        return motion.amplitude * float(sizes.max())
+    if isinstance(motion, Ramp):
+        (n1, n0), (d1, d0) = (_last_two(p) for p in (plant.numerator, plant.denominator))
+        return motion.velocity * abs(d1 - n1 * d0 / n0) / abs(n0)
+    return 0.0
+
+
+def _last_two(polynomial: Vector) -> tuple[float, float]:
+    first, last = np.concatenate([[0.0], polynomial])[-2:]
+    return float(first), float(last)
+
+
 def _resonances(requirements: Requirements) -> tuple[float, ...]:
     motion = requirements.motion
     return motion.frequencies() if isinstance(motion, Periodic) else ()
@@ -247,7 +330,7 @@ def _included(requirements: Requirements, axis: int) -> tuple[Vector, Vector]:
     if requirements.include is None:
         return np.ones(1), np.ones(1)
     factor: Transfer = requirements.include[axis]
-    plant = _plant(factor.law())
+    plant = plant_of(factor.law())
     return plant.numerator, plant.denominator
 
 
@@ -268,7 +351,7 @@ def pade(delay: float, order: int = 2) -> tuple[Vector, Vector]:
 
 
 def closed(family: Family, plant: Plant, above: Vector, below: Vector, gain: Any) -> Vector:
-    """Return P = D D_c D_p + g N N_c N_p for a batch of compensators and gains."""
+    """Return P = D D_c D_p + g m N N_c N_p for compensators and gains, m what is heard of α."""
     early, late = pade(family.delay)
-    loop = product(plant.numerator, above, early) * np.asarray(gain)[..., None]
+    loop = product(plant.numerator, above, early) * (np.asarray(gain) * plant.heard)[..., None]
     return total(product(plant.denominator, below, late), loop)

@@ -7,10 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from ...rational import at_frequency
 from ...requirements import Requirements
 from ..robustness import Proof, hessian_eigenvalues
 from .building import Plan
-from .family import WASHED, Family, Plant, hessian_bounds
+from .family import Family, Plant, felt_curvature, hessian_bounds
 from .refusals import Infeasible
 from .responses import frequencies, noise_bandwidth, sensitivity
 from .shapes import MARGIN, WORST_PEAK, Wish, nearest
@@ -29,7 +30,7 @@ def check_hessian(wanted: Requirements) -> None:
         raise Infeasible(
             "indefinite Hessian",
             "coupling",
-            f"= {wanted.coupling:g} beside the curvatures {wanted.curvature} allows maps whose Q "
+            f"{wanted.coupling:g} beside the curvatures {wanted.curvature} allows maps whose Q "
             f"has an eigenvalue of {least:.3g} 1/m²: J has no maximum there, and nothing to climb",
             relaxations=("coupling",),
         )
@@ -40,8 +41,8 @@ def coupled_too_much(wanted: Requirements, proof: Proof) -> Infeasible:
     return Infeasible(
         "coupling",
         "coupling",
-        f"= {wanted.coupling:g}: each axis' loop is stable by itself, all together are not shown "
-        f"to be: {proof.statement.rstrip('.')}",
+        f"{wanted.coupling:g} is too much: each axis' loop is stable by itself, all together are "
+        f"not shown to be: {proof.statement.rstrip('.')}",
         relaxations=("coupling", "curvature", "settling_time"),
     )
 
@@ -52,13 +53,32 @@ def check(wanted: Requirements, members: tuple[Family, ...]) -> None:
         for plant in family.vertices:
             _check_plant(wanted, family, plant)
         _check_authority(family)
+        if (
+            family.integrators
+            and abs(family.include[0][-1]) <= NEAR * np.abs(family.include[0]).max()
+        ):
+            raise Infeasible(
+                "conflicting wishes",
+                f"include.{family.axis}",
+                f"has a zero at s = 0, which cancels an integrator that zero error needs on axis "
+                f"{family.name}; leave it out, or set zero_bias = false",
+            )
+        if family.heard[0] <= 0:
+            raise Infeasible(
+                "phase",
+                "uncertain",
+                f"on axis {family.name} the phase of G(jω) at the dither changes by more than 90° "
+                "within the box: a probe made for its middle moves the vehicle against the "
+                "reference",
+                relaxations=("uncertain",),
+            )
         signs = {math.copysign(1.0, p.numerator[-1]) for p in family.vertices}
         if len(signs) > 1:
             raise Infeasible(
                 "sign",
                 "uncertain",
-                f"on axis {family.name} the sign of G(0) changes within the box; no linear "
-                "controller stabilises both",
+                f"on axis {family.name} the sign of G's numerator at s = 0 changes within the box: "
+                "what stabilises the one end pushes the other away",
                 relaxations=("uncertain",),
             )
 
@@ -209,14 +229,15 @@ def check_delay(plan: Plan, axis: int, base: float) -> None:
 
 def _check_authority(family: Family) -> None:
     """Refuse an input that cannot hold the vehicle, and so has no room for a probe either."""
-    if family.load >= family.input:
+    if family.load + family.following >= family.input:
         parts = max(abs(p.load) for p in family.vertices) * family.source
         raise Infeasible(
             "authority",
             "input_limit",
             f"on axis {family.name} holding the vehicle at the farthest source takes "
-            f"|D(0)/N(0)| |x*| + |d| = {parts:.4g} + {family.force:.4g} = {family.load:.4g}, more "
-            f"than the limit {family.input:.4g}: no controller has the authority",
+            f"|D(0)/N(0)| |x*| + |d| = {parts:.4g} + {family.force:.4g}, and "
+            f"{family.following:.4g} to follow it, more than the limit {family.input:.4g}: no "
+            "controller has the authority",
             relaxations=("input_limit", "source_distance", "force", "uncertain"),
         )
 
@@ -228,11 +249,12 @@ def noise_error(plan: Plan, axis: int, base: float) -> float:
     """
     family, shape, wanted = plan.families[axis], plan.shapes[axis], plan.requirements
     omega = frequencies(shape.fastest)
-    passed = abs(plan.response(axis, base)) / WASHED
+    passed = abs(at_frequency(wanted.sensor.law(), plan.frequency(axis, base)))
+    curvature = felt_curvature(wanted, axis)
     alpha = plan.amplitude(axis, base)
     worst = 0.0
     for plant in family.vertices:
-        for factor, q in zip(family.gains, wanted.curvature[axis], strict=True):
+        for factor, q in zip(family.gains, curvature, strict=True):
             s = sensitivity(
                 family,
                 plant,
@@ -242,7 +264,9 @@ def noise_error(plan: Plan, axis: int, base: float) -> float:
                 omega,
             )
             width = float(noise_bandwidth(1 - s, omega))
-            worst = max(worst, wanted.noise * math.sqrt(width / 2) / (alpha * q * passed))
+            worst = max(
+                worst, wanted.noise * math.sqrt(width / 2) / (alpha * q * passed * plant.heard)
+            )
     return worst
 
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
+import sympy
 from numpy.typing import ArrayLike, NDArray
+from sympy import Expr
+
+from ...symbols import exact, s
 
 Vector = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -41,10 +46,10 @@ def total(a: ArrayLike, b: ArrayLike) -> Vector:
 def at(polynomial: ArrayLike, point: ArrayLike) -> Complex:
     """Return the values at complex points, by Horner; leading dimensions broadcast."""
     coefficients = np.asarray(polynomial)
-    s = np.asarray(point, dtype=complex)
-    value = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], s.shape), dtype=complex)
+    where = np.asarray(point, dtype=complex)
+    value = np.zeros(np.broadcast_shapes(coefficients.shape[:-1], where.shape), dtype=complex)
     for k in range(coefficients.shape[-1]):
-        value = value * s + coefficients[..., k]
+        value = value * where + coefficients[..., k]
     return value
 
 
@@ -53,6 +58,12 @@ def slope(polynomial: ArrayLike) -> Vector:
     coefficients = np.asarray(polynomial, dtype=float)
     degree = coefficients.shape[-1] - 1
     return coefficients[..., :-1] * np.arange(degree, 0, -1)
+
+
+def expression(coefficients: Sequence[float] | Vector) -> Expr:
+    """Return a polynomial in s with exact coefficients."""
+    powers = range(len(coefficients) - 1, -1, -1)
+    return sympy.Add(*(exact(float(c)) * s**k for c, k in zip(coefficients, powers, strict=True)))
 
 
 def roots(polynomial: ArrayLike) -> Complex:

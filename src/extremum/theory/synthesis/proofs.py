@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Final
 
 import sympy
 from sympy import Expr, Poly, Symbol
@@ -13,27 +14,63 @@ from sympy import Expr, Poly, Symbol
 from ...description import flatten
 from ...parameters import symbolic
 from ...requirements import VEHICLE, Requirements
-from ...symbols import exact, s
+from ...symbols import exact
 from ..robustness import Proof, characteristic, coupled, largest_decay, prove_identical
+from .building import Plan
 from .family import Family, felt_curvature, hessian_bounds, pade
+from .limits import coupled_too_much, unproved
+from .polynomials import expression
 from .shapes import Shape
 
+ROUNDING: Final = 1e-12
+
 Box = dict[Symbol, tuple[float, float]]
+
+
+def proofs_of(plan: Plan) -> tuple[Proof, ...]:
+    """Return proofs of decay over the box: of every axis, or of all that are coupled.
+
+    Raises
+    ------
+    Infeasible
+        If one fails.
+    """
+    wanted = plan.requirements
+    if wanted.coupling:
+        proof = coupled_proof(wanted, plan.families, plan.shapes)
+        if not proof.holds:
+            raise coupled_too_much(wanted, proof)
+        return (proof,)
+    proofs = []
+    for family, shape in zip(plan.families, plan.shapes, strict=True):
+        proofs.append(axis_proof(wanted, family, shape))
+        if not proofs[-1].holds:
+            raise unproved(family, proofs[-1])
+    return tuple(proofs)
 
 
 def axis_proof(wanted: Requirements, family: Family, shape: Shape) -> Proof:
     """Return the proof of the largest decay rate of one axis over its part of the box.
 
     P = D(p) D_c D_p + (q/q̄) g N(p) N_c N_p over q and the uncertain numbers p, q̄ = √(q_low q_high).
+    The range of q is widened by what is heard of α over the box, see `Plant.heard`.
     """
     _, polynomial, box = _axis(wanted, family, shape)
-    return largest_decay(polynomial, box)
+    proof = largest_decay(polynomial, box)
+    least, most = family.heard
+    if most - least <= ROUNDING:
+        return proof
+    told = (
+        f"of α the reference hears {least:.6g} to {most:.6g}, and q_{family.name} is widened by it"
+    )
+    return replace(proof, statement=f"{proof.statement} Over the box, {told}.")
 
 
 def _axis(wanted: Requirements, family: Family, shape: Shape) -> tuple[Symbol, Poly, Box]:
     """Return the letter q, P, and the box of one axis."""
     q = Symbol(f"q_{family.name}", real=True)
-    box: Box = {q: felt_curvature(wanted, family.axis)}
+    low, high = felt_curvature(wanted, family.axis)
+    box: Box = {q: (low * family.heard[0], high * family.heard[1])}
     law = _plant(wanted, family.axis, box)
     gain = q * _per_curvature(wanted, family, shape)
     return q, characteristic(law, _compensator(family, shape), gain), box
@@ -61,8 +98,13 @@ def coupled_proof(
         box[symbol] = wanted.curvature[i] if i == j else (-reach, reach)
     plants = [_plant(wanted, i, box) for i in range(n)]
     controllers = [_compensator(f, shape) for f, shape in zip(families, shapes, strict=True)]
+    heard = [Symbol(f"m_{f.name}", real=True) for f in families]
+    box |= dict(zip(heard, (f.heard for f in families), strict=True))
     gains = [
-        [_per_curvature(wanted, families[i], shapes[i]) if i == j else 0 for j in range(n)]
+        [
+            heard[i] * _per_curvature(wanted, families[i], shapes[i]) if i == j else 0
+            for j in range(n)
+        ]
         for i in range(n)
     ]
     curvature = [[entries[min(i, j), max(i, j)] for j in range(n)] for i in range(n)]
@@ -101,10 +143,5 @@ def _ordinary(low: float, high: float) -> float:
 def _compensator(family: Family, shape: Shape) -> Expr:
     """Return C(s) and the dead time's Padé form, exact, as one fraction."""
     early, late = pade(family.delay)
-    above = sympy.Mul(_polynomial(shape.above), _polynomial(early))
-    return above / sympy.Mul(_polynomial(shape.below), _polynomial(late))
-
-
-def _polynomial(coefficients: Any) -> Expr:
-    powers = range(len(coefficients) - 1, -1, -1)
-    return sympy.Add(*(exact(float(c)) * s**k for c, k in zip(coefficients, powers, strict=True)))
+    above = sympy.Mul(expression(shape.above), expression(early))
+    return above / sympy.Mul(expression(shape.below), expression(late))

@@ -80,7 +80,16 @@ def _narrowed(wanted: Requirements, k: float) -> Requirements:
 def _tamer(wanted: Requirements, k: float) -> Requirements:
     """Return the uncertain numbers with their ranges shrunk towards the low end."""
     eased = {
-        path: (low, _neat(low + (high - low) / k, -1))
+        path: (low, max(low, _neat(low + (high - low) / k, -1)))
+        for path, (low, high) in wanted.uncertain.items()
+    }
+    return wanted.replace({"uncertain": eased})
+
+
+def _bolder(wanted: Requirements, k: float) -> Requirements:
+    """Return the uncertain numbers with their ranges shrunk towards the high end."""
+    eased = {
+        path: (min(high, _neat(high - (high - low) / k, 1)), high)
         for path, (low, high) in wanted.uncertain.items()
     }
     return wanted.replace({"uncertain": eased})
@@ -101,6 +110,7 @@ _EASIER: Final = {
     "noise": _scaled("noise", -1),
     "curvature": _Relaxation(_narrowed, lambda wanted: _shown(wanted.curvature)),
     "uncertain": _Relaxation(_tamer, lambda wanted: _shown(dict(wanted.uncertain))),
+    "uncertain, from below": _Relaxation(_bolder, lambda wanted: _shown(dict(wanted.uncertain))),
 }
 
 
@@ -109,32 +119,42 @@ def eased(
 ) -> list[tuple[str, str]]:
     """Return (entry, value) for each named requirement that alone can be eased far enough.
 
-    The factor is found by doubling, up to 64, then by bisection to 3 %.
+    The factor is found by doubling, up to 64, then by bisection to 3 %: the smallest, if every
+    easier requirement is feasible as well. A range of uncertain numbers is shrunk towards its low
+    end, or if that does not help towards its high end.
     """
     found = []
     for name in names:
         given = getattr(wanted, name)
         if given is None or not given or given == 0:
             continue
-        relaxation = _EASIER[name]
-        high = 1.0
-        works = None
-        while works is None and high < LARGEST:
-            high *= 2
-            trial = relaxation.apply(wanted, high)
-            works = trial if feasible(trial) else None
-        if works is None:
-            continue
-        low = high / 2
-        while high / low > CLOSE:
-            middle = math.sqrt(low * high)
-            trial = relaxation.apply(wanted, middle)
-            if feasible(trial):
-                high, works = middle, trial
-            else:
-                low = middle
-        found.append((name, relaxation.shown(works)))
+        ways = [_EASIER[key] for key in (name, f"{name}, from below") if key in _EASIER]
+        shown = next(filter(None, (_smallest(wanted, way, feasible) for way in ways)), None)
+        if shown is not None:
+            found.append((name, shown))
     return found
+
+
+def _smallest(
+    wanted: Requirements, way: _Relaxation, feasible: Callable[[Requirements], bool]
+) -> str | None:
+    """Return the requirement eased by the smallest factor that is enough, None if none is."""
+    high, works = 1.0, None
+    while works is None and high < LARGEST:
+        high *= 2
+        trial = way.apply(wanted, high)
+        works = trial if feasible(trial) else None
+    if works is None:
+        return None
+    low = high / 2
+    while high / low > CLOSE:
+        middle = math.sqrt(low * high)
+        trial = way.apply(wanted, middle)
+        if feasible(trial):
+            high, works = middle, trial
+        else:
+            low = middle
+    return way.shown(works)
 
 
 def _neat(value: float, direction: int) -> float:

@@ -7,6 +7,7 @@ loop gains g as (…,); they return (…,).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -25,6 +26,7 @@ HORIZON: Final = 2.0
 """Wanted settling times over which a response is looked at."""
 TIMES: Final = 120
 FREQUENCIES: Final = 80
+NEARBY: Final = 24
 
 
 def modes(family: Family, plant: Plant, above: Any, below: Any, gain: Any) -> Complex:
@@ -84,9 +86,18 @@ def _settled(size: Vector, times: Vector) -> Vector:
     return np.where(outside[..., -1], np.inf, found)
 
 
-def frequencies(rate: float) -> Vector:
-    """Return the grid of frequencies (rad/s) for loops of about this speed."""
-    return np.geomspace(rate / 50, rate * 3000, FREQUENCIES)
+def frequencies(speed: float, bandwidth: float = 0.0, resonances: Sequence[float] = ()) -> Vector:
+    """Return a grid of frequencies (rad/s) for loops of about a speed.
+
+    It holds a bandwidth, what lies just below it, and the neighbourhood of resonances.
+    """
+    parts = [np.geomspace(speed / 50, speed * 3000, FREQUENCIES)]
+    if bandwidth:
+        parts.append(np.linspace(0.0, bandwidth, NEARBY + 1)[1:])
+    for omega in resonances:
+        away = np.geomspace(0.01, 0.9, NEARBY // 2)
+        parts += [omega * (1 - away), omega * (1 + away)]
+    return np.unique(np.concatenate(parts))
 
 
 def sensitivity(

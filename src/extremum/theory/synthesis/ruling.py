@@ -7,18 +7,20 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from ...requirements import Periodic, Ramp
 from .confirmation import reach
-from .family import PACE, WASHOUT, Family, poles_at_origin
+from .family import BY_INPUT, PACE, WASHOUT, Family, Plant, poles_at_origin
 from .limits import noise_error
+from .polynomials import at
 from .rules import Rule, at_least, at_most, chosen
 from .shapes import CHARGING, MARGIN, PEAK, WORST_PEAK, Shape
 
 if TYPE_CHECKING:
     from .report import Design
 
-VIOLENT: Final = 0.05
-"""c |C(∞)| q |x̃|/ω above which averaging says little of the way from a start."""
+ROUNDING: Final = 1e-9
 
 
 def rules_of(design: Design) -> tuple[Rule, ...]:
@@ -84,11 +86,11 @@ def _axis_rules(design: Design, axis: int) -> Iterator[Rule]:
         else "",
     )
     amplitude = channel.dither.amplitude
-    by_input = amplitude < family.dither
+    by_input = amplitude * family.swing < BY_INPUT * family.dither
     yield at_most(
         f"dither {name}",
-        "|position − mean| ≤ α",
-        amplitude,
+        "|position − mean| = α |G/G₀|, the largest over the box",
+        amplitude * family.swing,
         "m",
         family.dither,
         "input_limit" if by_input else "dither_limit",
@@ -96,12 +98,13 @@ def _axis_rules(design: Design, axis: int) -> Iterator[Rule]:
     probe = amplitude / float(family.passed(omega))
     yield at_most(
         f"authority {name}",
-        "|D(0)/N(0)| |x*| + |d| + α/|G(jω)|",
-        family.load + probe,
+        "|D(0)/N(0)| |x*| + |d| + what follows the source + α/|G₀(jω)|",
+        family.load + family.following + probe,
         design.loop.vehicle.input_units()[axis],
         family.input,
         "input_limit" if by_input else "dither_limit",
-        f"{family.load:.4g} to hold the vehicle, {probe:.4g} for the probe",
+        f"{family.load:.4g} to hold the vehicle, {family.following:.4g} to follow the source, "
+        f"{probe:.4g} for the probe",
     )
     turned = cmath.phase(plan.response(axis, base))
     yield chosen(
@@ -109,10 +112,12 @@ def _axis_rules(design: Design, axis: int) -> Iterator[Rule]:
         "ψ = φ + arg[jω/(jω + h) F(jω) e^(−jωT)]",
         math.degrees(channel.reference.phase),
         "°",
-        "washout" if wanted.delay == 0 else "washout, delay",
+        ", ".join(
+            ["washout", *["sensor"] * (wanted.sensor.law() != 1), *["delay"] * (wanted.delay > 0)]
+        ),
         f"{math.degrees(turned):.4g}° beyond the dither's "
         f"{math.degrees(channel.dither.phase):.4g}°; the plant's phase is compensated by the "
-        "probe, which goes through 1/G(jω)",
+        "probe, which goes through 1/G₀(jω)",
     )
     if wanted.noise:
         limit = math.inf if wanted.accuracy is None else wanted.accuracy
@@ -130,7 +135,7 @@ def _structure(design: Design, family: Family, shape: Shape) -> Iterator[Rule]:
     wanted, name = design.requirements, family.name
     poles = poles_at_origin(family.vertices)
     causes = []
-    if isinstance(wanted.motion, Ramp):
+    if isinstance(wanted.motion, Ramp) and poles < 1 + wanted.zero_bias:
         causes.append("motion")
     if family.force and wanted.zero_bias:
         causes.append("force")
@@ -139,7 +144,7 @@ def _structure(design: Design, family: Family, shape: Shape) -> Iterator[Rule]:
     yield at_least(
         f"integrators {name}",
         "C(s) has as many poles at 0 as zero error needs",
-        family.integrators,
+        poles_at_origin((Plant(np.array(shape.above), np.array(shape.below)),)),
         "",
         family.integrators,
         ", ".join(causes) if family.integrators else "not needed",
@@ -150,7 +155,7 @@ def _structure(design: Design, family: Family, shape: Shape) -> Iterator[Rule]:
         yield at_least(
             f"resonators {name}",
             "C(jΩ) = ∞ at the source's frequencies: S(jΩ) = 0",
-            len(family.resonances),
+            sum(_infinite(shape, omega) for omega in family.resonances),
             "",
             len(family.resonances),
             "motion",
@@ -158,22 +163,28 @@ def _structure(design: Design, family: Family, shape: Shape) -> Iterator[Rule]:
         )
     yield chosen(
         f"leads {name}",
-        "the fewest with which the loop settles at every vertex with max |S| ≤ 2",
+        "as few as settle in time at every vertex, with max |S| ≤ 2 or a third of the noise",
         shape.leads,
         "",
         "phase" if shape.leads else "gain suffices",
     )
     bias = family.load and not family.integrators
     if bias:
-        low = abs(shape.gain) * family.gains[0] * shape.above[-1] / shape.below[-1]
-        worst = max(abs(family.load / (low + p.load)) for p in family.vertices)
+        low = shape.gain * family.gains[0] * shape.above[-1] / shape.below[-1]
+        worst = max(abs(family.load / (low * p.heard + p.load)) for p in family.vertices)
         yield chosen(
             f"bias {name}",
-            "|x̃| = U/|D(0)/N(0) + g C(0)|, U = |D(0)/N(0)| |x*| + |d|",
+            "|x̃| ≤ U/|D(0)/N(0) + g C(0)|, U = |D(0)/N(0)| |x*| + |d|",
             worst,
             "m",
             "zero_bias = false",
         )
+
+
+def _infinite(shape: Shape, omega: float) -> bool:
+    """Return whether C has a pole at jω."""
+    size = np.abs(np.array(shape.below)) @ omega ** np.arange(len(shape.below) - 1.0, -1.0, -1.0)
+    return abs(complex(at(shape.below, 1j * omega))) <= ROUNDING * float(size)
 
 
 def _whole(design: Design) -> Iterator[Rule]:

@@ -8,14 +8,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from ...engines.trajectory import COMPLETED, ESCAPED, LEFT
 from ...loop import Loop
-from ..robustness import Proof
+from ...requirements import VEHICLE
 from . import limits
-from .building import Plan, centre, corners, midpoints
+from .building import Plan, centre, corners, is_diagonal, midpoints
 from .candidates import rounded
 from .confirmation import Arrival, Confirmed, arrival, confirmed, reach
-from .family import PACE
+from .family import BY_INPUT, PACE
+from .proofs import proofs_of
 from .report import Design
 from .shapes import CHARGING, Wish
 
@@ -27,22 +30,21 @@ ARRIVAL: Final = 2.0
 """Settling times within which a start from far away must have come to a tenth."""
 
 
-def found(plan: Plan, wish: Wish, proofs: tuple[Proof, ...]) -> Design:
+def found(plan: Plan, wish: Wish) -> Design:
     """Return the design with the lowest ω tried at which the exact loop does all that is asked.
 
     Raises
     ------
     Infeasible
-        If a limit is reached before.
+        If a limit is reached before, or the averaged loop cannot be proved to decay.
     """
-    return _Search(plan, wish, proofs).run()
+    return _Search(plan, wish).run()
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
     plan: Plan
     wish: Wish
-    proofs: tuple[Proof, ...]
 
     def run(self) -> Design:
         plan = self.plan
@@ -54,45 +56,47 @@ class _Search:
         hard: list[dict[str, float]] = []
         begun, reason = base, ""
         for _ in range(RAISES):
-            self._check_limits(base, begun, reason)
+            plan = plan.tuned(base)
+            self._check_limits(plan, base, begun, reason)
             loop = plan.loop(base)
-            reason, judged, runs = self._judged(loop, hard)
+            reason, judged, runs = self._judged(plan, loop, hard)
             if not reason:
-                return Design(plan, base, begun, loop, self.proofs, judged, runs)
+                return Design(plan, base, begun, loop, proofs_of(plan), judged, runs)
             base = _up(base * RAISE)
         raise limits.never(plan, begun, base, reason)
 
-    def _check_limits(self, base: float, begun: float, reason: str) -> None:
-        plan = self.plan
+    def _check_limits(self, plan: Plan, base: float, begun: float, reason: str) -> None:
         for axis in range(len(plan.families)):
             limits.check_frequency(plan, axis, base, begun, reason)
             limits.check_delay(plan, axis, base)
             limits.check_noise(plan, axis, base)
 
     def _judged(
-        self, loop: Loop, hard: list[dict[str, float]]
+        self, plan: Plan, loop: Loop, hard: list[dict[str, float]]
     ) -> tuple[str, tuple[Confirmed, ...], tuple[Arrival, ...]]:
         """Return why the exact loop fails, or nothing, and what was seen.
 
         What failed before, `hard`, is looked at first; then the runs, which are few; then the rest.
         """
-        box = self.plan.judged_box()
+        box = plan.judged_box()
         seen: list[Confirmed] = []
+
+        def look(point: dict[str, float]) -> str:
+            seen.append(confirmed(loop.replace(plan.pushed(point)), point, self.wish.settling))
+            return self._failing(seen[-1])
+
         for point in hard:
-            seen.append(confirmed(loop, point, self.wish.settling))
-            if reason := self._failing(seen[-1]):
+            if reason := look(point):
                 return reason, (), ()
         runs = []
-        for point, displacement in _far(self.plan, loop):
+        for point, displacement in _far(plan, loop):
             runs.append(arrival(loop, point, displacement, self._duration))
-            if reason := self._lost(runs[-1], displacement, float(loop.controller.base())):
+            if reason := self._lost(plan, runs[-1], displacement, float(loop.controller.base())):
                 return reason, (), ()
         for point in itertools.chain(corners(box), midpoints(box), [centre(box)]):
-            if point not in hard:
-                seen.append(confirmed(loop, point, self.wish.settling))
-                if reason := self._failing(seen[-1]):
-                    hard.append(point)
-                    return reason, (), ()
+            if not any(c.point == point for c in seen) and (reason := look(point)):
+                hard.append(point)
+                return reason, (), ()
         return "", tuple(seen), tuple(runs)
 
     def _failing(self, here: Confirmed) -> str:
@@ -109,21 +113,21 @@ class _Search:
     @property
     def _duration(self) -> float:
         settling = self.wish.settling
-        decay = min(proof.decay for proof in self.proofs)
-        return ARRIVAL * (settling if math.isfinite(settling) else 4 / decay)
+        slowest = max(shape.abscissa for shape in self.plan.shapes)
+        return ARRIVAL * (settling if math.isfinite(settling) else -4 / slowest)
 
-    def _lost(self, run: Arrival, displacement: tuple[float, ...], base: float) -> str:
+    def _lost(self, plan: Plan, run: Arrival, displacement: tuple[float, ...], base: float) -> str:
         far = math.hypot(*displacement)
         if run.outcome == COMPLETED:
-            for family, pushed in zip(self.plan.families, run.input, strict=True):
+            for family, pushed in zip(plan.families, run.input, strict=True):
                 if pushed > family.input:
-                    raise limits.pushed(self.plan, family, pushed, displacement)
+                    raise limits.pushed(plan, family, pushed, displacement)
         if run.distance <= far / 10:
             return ""
         reason = f"from {far:.3g} m away the exact loop {_ending(run)} after {self._duration:.3g} s"
-        for axis, family in enumerate(self.plan.families):
-            if self.plan.amplitude(axis, base) < family.dither:
-                raise limits.cramped(self.plan, axis, base, reason)
+        for axis, family in enumerate(plan.families):
+            if plan.amplitude(axis, base) * family.swing < BY_INPUT * family.dither:
+                raise limits.cramped(plan, axis, base, reason)
         return reason
 
 
@@ -133,22 +137,40 @@ def _ending(run: Arrival) -> str:
     return f"is still {run.distance:.3g} m away"
 
 
-def _far(plan: Plan, loop: Loop) -> Iterable[tuple[Mapping[str, float], tuple[float, ...]]]:
-    """Yield the farthest starts: at the lowest and the highest curvature, in all quadrants."""
+def _far(plan: Plan, loop: Loop) -> Iterable[tuple[dict[str, float], tuple[float, ...]]]:
+    """Yield the farthest starts: along every axis and in every quadrant, source and force pushing.
+
+    At the lowest and the highest curvature, and with the uncertain numbers that need most input to
+    hold the vehicle, and those at the other ends.
+    """
     box = plan.judged_box()
-    curvature = [path for path in box if path.startswith("field.q.")]
-    highest = {path: high for path, (_, high) in box.items() if path not in curvature}
+    curvature = [path for path in box if path.startswith("field.q.") and is_diagonal(path)]
     axes = len(plan.families)
-    for end in (0, 1):
-        point = {**highest, **{path: box[path][end] for path in curvature if _is_diagonal(path)}}
-        r = max(plan.requirements.start_distance, reach(loop.replace(point))) / math.sqrt(axes)
-        for signs in itertools.product((1.0, -1.0), repeat=axes):
-            yield point, tuple(r * sign for sign in signs)
+    for end, uncertain in itertools.product((0, 1), _ends(plan)):
+        point = {**{path: box[path][end] for path in curvature}, **uncertain}
+        point |= plan.pushed(point)
+        r = max(plan.requirements.start_distance, reach(loop.replace(point)))
+        for signs in itertools.product((1.0, 0.0, -1.0), repeat=axes):
+            if sum(map(abs, signs)) in (1, axes):
+                yield point, tuple(r * sign / math.sqrt(sum(map(abs, signs))) for sign in signs)
 
 
-def _is_diagonal(path: str) -> bool:
-    parts = path.split(".")
-    return len(parts) == 3 or parts[2] == parts[3]
+def _ends(plan: Plan) -> list[dict[str, float]]:
+    """Return the uncertain numbers at the vertex with the largest loads, and at the opposite."""
+    wanted = plan.requirements
+    heaviest: dict[str, float] = {}
+    for family in plan.families:
+        mine = {
+            path: ends
+            for path, ends in wanted.uncertain.items()
+            if path.startswith(f"{VEHICLE}axes.{family.axis}.")
+        }
+        loads = [abs(plant.load) for plant in family.vertices]
+        heaviest |= list(corners(mine))[int(np.argmax(loads))]
+    if not heaviest:
+        return [{}]
+    opposite = {path: sum(wanted.uncertain[path]) - value for path, value in heaviest.items()}
+    return [heaviest, opposite]
 
 
 def _told(point: Mapping[str, float]) -> str:

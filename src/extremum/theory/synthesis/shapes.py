@@ -57,7 +57,7 @@ class Wish:
     bandwidth: float
 
     @property
-    def rate(self) -> float:
+    def speed(self) -> float:
         """The speed (rad/s) about which to look."""
         return self.bandwidth or 4.0 / self.settling
 
@@ -84,7 +84,7 @@ class Shape:
         g = α c q m at q = √(q_low q_high), with the sign of G(0).
     missed
         The largest factor by which it misses what is wished; at most 1 where it does not.
-    rate
+    abscissa
         max Re λ (1/s).
     settling, charging
         Settling time (s) of the averaged loop, with its integrators charged and empty.
@@ -104,7 +104,7 @@ class Shape:
     below: tuple[float, ...]
     gain: float
     missed: float
-    rate: float
+    abscissa: float
     settling: float
     charging: float
     peak: float
@@ -147,7 +147,7 @@ def judged(family: Family, wish: Wish, leads: int, allowed: float) -> list[Shape
 
     Candidates are dropped as soon as one measure says so, the cheapest measure first.
     """
-    found = candidates(family, wish.rate, leads)
+    found = candidates(family, max(wish.speed, family.unstable), leads)
     gains = sorted({family.gains[0], 1.0, family.gains[1]})
     for measure in (_modes, _margins, _times):
         if not found.count:
@@ -165,18 +165,19 @@ def judged(family: Family, wish: Wish, leads: int, allowed: float) -> list[Shape
 def _modes(
     family: Family, wish: Wish, plant: Plant, found: Candidates, gain: Vector
 ) -> dict[str, Vector]:
-    rate = modes(family, plant, found.above, found.below, gain).real.max(axis=-1)
-    stable = rate < 0
+    abscissa = modes(family, plant, found.above, found.below, gain).real.max(axis=-1)
+    stable = abscissa < 0
     return {
-        "rate": rate,
-        "missed": np.where(stable, wish.slowest / np.where(stable, -rate, 1), np.nan),
+        "abscissa": abscissa,
+        "missed": np.where(stable, wish.slowest / np.where(stable, -abscissa, 1), np.nan),
     }
 
 
 def _margins(
     family: Family, wish: Wish, plant: Plant, found: Candidates, gain: Vector
 ) -> dict[str, Vector]:
-    omega = frequencies(wish.rate)
+    speed = max(wish.speed, family.unstable)
+    omega = frequencies(speed, wish.bandwidth, family.resonances)
     s = sensitivity(family, plant, found.above, found.below, gain, omega)
     peak = np.abs(s).max(axis=-1)
     below = np.abs(s[:, omega <= wish.bandwidth])
