@@ -25,8 +25,8 @@ CAUTION: Final = 0.8
 HORIZON: Final = 2.0
 """Wanted settling times over which a response is looked at."""
 TIMES: Final = 120
-FREQUENCIES: Final = 80
-NEARBY: Final = 24
+FREQUENCIES: Final = 200
+NEARBY: Final = 64
 
 
 def modes(family: Family, plant: Plant, above: Any, below: Any, gain: Any) -> Complex:
@@ -91,11 +91,11 @@ def frequencies(speed: float, bandwidth: float = 0.0, resonances: Sequence[float
 
     It holds a bandwidth, what lies just below it, and the neighbourhood of resonances.
     """
-    parts = [np.geomspace(speed / 50, speed * 3000, FREQUENCIES)]
+    parts = [np.zeros(1), np.geomspace(speed / 50, speed * 3000, FREQUENCIES)]
     if bandwidth:
         parts.append(np.linspace(0.0, bandwidth, NEARBY + 1)[1:])
     for omega in resonances:
-        away = np.geomspace(0.01, 0.9, NEARBY // 2)
+        away = np.geomspace(0.003, 0.9, NEARBY // 2)
         parts += [omega * (1 - away), omega * (1 + away)]
     return np.unique(np.concatenate(parts))
 
