@@ -4,6 +4,7 @@ of a scenario is documented."""
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,10 @@ def test_the_scenarios_and_commands_run(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for linked in page.parent.glob("docs/*.toml" if page.parent == ROOT else "*.toml"):
+        copy = tmp_path / linked.relative_to(page.parent)
+        copy.parent.mkdir(exist_ok=True)
+        shutil.copy(linked, copy)
     for block in blocks(page, "toml"):
         if "[controller]" in block:
             (tmp_path / "loop.toml").write_text(block, encoding="utf-8")
