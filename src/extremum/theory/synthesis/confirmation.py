@@ -22,7 +22,7 @@ from .responses import SETTLED
 
 Vector = NDArray[np.float64]
 
-SAMPLES: Final = 24
+SAMPLES: Final = 72
 """Samples per period of a run."""
 TOLERANCE: Final = 1e-9
 PATIENCE: Final = 4.0

@@ -21,7 +21,7 @@ TRIALS: Final = 3
 """Shapes tried on each axis before a refusal."""
 LIKELY: Final = 10.0
 """ω over the wanted speed for which shapes are chosen, before it is known."""
-TRIED_AGAIN: Final = ("proof", "coupling", "frequency", "exact loop")
+TRIED_AGAIN: Final = ("proof", "coupling", "frequency", "exact loop", "noise", "delay")
 """Refusals after which another shape may do."""
 
 
@@ -82,8 +82,10 @@ def _attempt(wanted: Requirements) -> Design:
     """Return a design with the first shapes that do; where ω had to be raised, the lowest ω's."""
     limits.check_hessian(wanted)
     wish = Wish(wanted.settling_time or math.inf, wanted.bandwidth or 0.0)
-    members = tuple(family.tuned(LIKELY * wish.speed) for family in families(wanted))
+    members = families(wanted)
     limits.check(wanted, members)
+    members = tuple(family.tuned(LIKELY * wish.speed) for family in members)
+    limits.check_heard(members)
     known: dict[Any, list[Shape]] = {}
     for family in members:
         if family.key not in known:

@@ -37,7 +37,7 @@ class Infeasible(InvalidDescription):
         self.relaxations = tuple(relaxations)
         if changes:
             listed = ", or ".join(f"{name} = {value}" for name, value in changes)
-            reason = f"{reason}. Smallest change that makes it feasible: {listed}"
+            reason = f"{reason}. Smallest change found that makes it feasible: {listed}"
         super().__init__(path, reason)
 
     def taught(self, changes: Sequence[tuple[str, str]]) -> Infeasible:

@@ -80,10 +80,7 @@ def _axis_rules(design: Design, axis: int) -> Iterator[Rule]:
         "",
         PEAK if shape.peak <= PEAK else WORST_PEAK,
         "curvature",
-        f"gain margin {shape.peak / (shape.peak - 1):.3g}, phase margin at least "
-        f"{math.degrees(2 * math.asin(0.5 / shape.peak)):.3g}°"
-        if shape.peak > 1
-        else "",
+        _margins(shape.peak),
     )
     amplitude = channel.dither.amplitude
     by_input = amplitude * family.swing < BY_INPUT * family.dither
@@ -179,6 +176,16 @@ def _structure(design: Design, family: Family, shape: Shape) -> Iterator[Rule]:
             "m",
             "zero_bias = false",
         )
+
+
+def _margins(peak: float) -> str:
+    """Return the margins that max |S| guarantees; the true ones are larger."""
+    up = f"{peak / (peak - 1):.3g}" if peak > 1.001 else "any factor"
+    phase = math.degrees(2 * math.asin(min(0.5 / peak, 1.0)))
+    return (
+        f"so that gains from {peak / (peak + 1):.3g} to {up} times as large and {phase:.3g}° of "
+        "phase are safe, at least"
+    )
 
 
 def _infinite(shape: Shape, omega: float) -> bool:
