@@ -82,7 +82,7 @@ class Plan:
 
     @cached_property
     def sensor(self) -> Transfer:
-        """F(s) with the dead time in a Padé form whose phase is right to 1° up to ωT = 3π/2."""
+        """F(s) with the dead time in a Padé form whose phase is right to 1.3° up to ωT = 3π/2."""
         wanted = self.requirements
         above, below = (expression(p) for p in pade(wanted.delay, DELAY_ORDER))
         return transfer(wanted.sensor.law() * above / below)

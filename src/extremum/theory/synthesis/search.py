@@ -54,16 +54,18 @@ class _Search:
         )
         base = _up(max(needed))
         hard: list[dict[str, float]] = []
-        begun, reason = base, ""
+        begun, last, reason = base, base, ""
         for _ in range(RAISES):
             plan = plan.tuned(base)
+            last = base
+            limits.check_heard(plan.families)
             self._check_limits(plan, base, begun, reason)
             loop = plan.loop(base)
             reason, judged, runs = self._judged(plan, loop, hard)
             if not reason:
                 return Design(plan, base, begun, loop, proofs_of(plan), judged, runs)
             base = _up(base * RAISE)
-        raise limits.never(plan, begun, base, reason)
+        raise limits.never(plan, begun, last, reason)
 
     def _check_limits(self, plan: Plan, base: float, begun: float, reason: str) -> None:
         for axis in range(len(plan.families)):

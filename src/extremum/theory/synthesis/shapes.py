@@ -81,7 +81,7 @@ class Shape:
     above, below
         C's numerator and denominator, highest power first; |C(jω_c)| = 1.
     gain
-        g = α c q m at q = √(q_low q_high), with the sign of G(0).
+        g = α c q m at q = √(q_low q_high), with the sign that the loop needs.
     missed
         The largest factor by which it misses what is wished; at most 1 where it does not.
     abscissa
