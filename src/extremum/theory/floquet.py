@@ -54,7 +54,7 @@ def exponents(factors: ArrayLike, period: float) -> Complex:
     multipliers of 1e-57 beside 1 have full relative accuracy. After Bojanczyk, Golub and
     Van Dooren, "The periodic Schur decomposition" (1992).
     """
-    cycle = np.asarray(factors, dtype=float)
+    cycle = _balanced(np.asarray(factors, dtype=float))
     if len(cycle) == 1:
         logs = _logs(cycle[0] - np.eye(cycle.shape[1]))
     else:
@@ -95,6 +95,17 @@ def _logs(increment: Vector) -> Complex:
     size = np.maximum(np.abs(1 + d), np.finfo(float).tiny)
     near = 0.5 * np.log1p(np.maximum(2 * d.real + d.real**2 + d.imag**2, -0.75))
     return np.where(size < 0.5, np.log(size), near) + 1j * np.arctan2(d.imag, 1 + d.real)
+
+
+def _balanced(cycle: Vector) -> Vector:
+    """Return D⁻¹ Φ D of every factor, D of powers of 2: states whose units differ by 1e18 agree."""
+    from scipy.linalg import matrix_balance
+
+    sizes = np.abs(cycle).max(axis=0)
+    if not np.isfinite(sizes).all():
+        return cycle
+    scale = matrix_balance(sizes, permute=False, separate=True)[1][0]
+    return cycle * scale / scale[:, None]
 
 
 def _block_logs(cycle: Vector) -> list[Complex]:

@@ -6,7 +6,9 @@ force come from the problem's own numbers. Nothing of the package's theory is us
 
 from __future__ import annotations
 
+import ast
 import math
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -122,3 +124,11 @@ def on_dither(loop: Loop, position: Vector) -> Vector:
     start = oracle.at_rest(loop, position - loop.matrices[3] @ steady) + steady
     start[-1] = loop.field.value(position - np.array(loop.source))
     return start
+
+
+def read(name: str, text: str) -> Any:
+    """Return the value that a refusal proposes for an entry of the requirements."""
+    if name != "uncertain":
+        return ast.literal_eval(text)
+    pairs = re.findall(r"([\w.]+): (\([^)]*\))", text)
+    return {path: ast.literal_eval(ends) for path, ends in pairs}

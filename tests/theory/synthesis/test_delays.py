@@ -159,3 +159,22 @@ def test_a_loop_with_a_sensor_settles() -> None:
         far = np.flatnonzero(np.abs(means) > 0.02 * r)
         assert (far[-1] + 1) * plain.period < 1.5 * 4.0 + plain.period
         assert abs(means[-1]) < 2e-3 * r
+
+
+@pytest.mark.slow
+def test_exponents_behind_a_badly_scaled_sensor_are_those_confirmed() -> None:
+    """The states of a dead time's Padé form differ by many orders, over 768 segments."""
+    design = es.design(
+        es.Requirements(
+            vehicle=es.PointMass(axes=(1 / s, 1 / s)),
+            curvature=((1, 1), (0.5, 0.5)),
+            dither_limit=0.1,
+            settling_time=8,
+            sensor=1 / (0.2 * s + 1),
+            delay=0.03,
+            quadrature=False,
+        )
+    )
+    orbit = es.periodic_orbit(design.loop)
+    assert orbit.stable
+    assert orbit.exponents[0].real == pytest.approx(design.confirmations[0].exponent, rel=1e-6)

@@ -240,8 +240,8 @@ def test_an_arrival_is_what_simulate_shows() -> None:
     period = 2 * math.pi / design.frequency
     periods = math.ceil(2 * 4.0 / period)
     for found, q, sign in zip(design.arrivals, (0.5, 0.5, 2.0, 2.0), (1, -1, 1, -1), strict=True):
-        times = np.linspace(0, periods * period, periods * 24 + 1)
+        times = np.linspace(0, periods * period, periods * 72 + 1)
         run = es.simulate(design.at({"field.q.0": q}, (0.5 * sign,)), times[-1], samples=times)
         assert found.input[0] == pytest.approx(np.abs(run.input.values).max(), rel=1e-6)
-        mean = (run.position - run.source).values[-24:].mean()
+        mean = (run.position - run.source).values[-72:].mean()
         assert found.distance == pytest.approx(abs(mean), rel=1e-4, abs=1e-9)
