@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from itertools import count
+from typing import Any
 
 from report import Table, Target, interleaved
 
@@ -21,7 +22,7 @@ def problems() -> dict[str, es.Requirements]:
     unstable = es.Rational("1/(s - epsilon)", {"epsilon": 0.25})
     lagging = es.Rational("1/((s - epsilon)*(0.05*s + 1)*(0.02*s + 1))", {"epsilon": 0.5})
     poles = {f"vehicle.axes.{i}.parameters.epsilon": (0.0, 0.5) for i in range(2)}
-    usual = {"dither_limit": 0.2, "settling_time": 6.0}
+    usual: dict[str, Any] = {"dither_limit": 0.2, "settling_time": 6.0}
     return {
         "two axes 1/s": es.Requirements(
             vehicle=es.PointMass(axes=(1 / s, 1 / s)), curvature=((0.5, 1), (0.25, 0.5)), **usual
@@ -69,8 +70,9 @@ def warm(rounds: int) -> Table:
         return lambda: es.design(wanted.replace({"settling_time": time + 1e-6 * next(changes)}))
 
     runs = {name: again(wanted) for name, wanted in problems().items()}
+    timed: dict[str, Callable[[], object]] = {**runs}
     points = {name: len(run().confirmations) for name, run in runs.items()}
-    times = interleaved(runs, rounds)
+    times = interleaved(timed, rounds)
     worst = max(t.median for name, t in times.items() if "two axes" in name or "same" in name)
     return Table(
         "Warm: one design, its proof, every corner and edge confirmed by Floquet, runs from afar",
