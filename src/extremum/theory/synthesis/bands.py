@@ -110,7 +110,7 @@ class Band:
 
 def band(requirements: Requirements, family: Family, shape: Shape, omega: float) -> Band:
     """Return an axis' averaged loops over a lattice of its box, with a dither at ω (rad/s)."""
-    count = NODES.get(uncertain(requirements, family.axis), 2)
+    count = NODES.get(len(uncertain(requirements, family.axis)), 2)
     nodes = tuple(family.hearing(p, omega) for p in plants(requirements, family.axis, count))
     gains = shape.gain * np.geomspace(*family.gains, GAINS)
     return Band(family, shape, nodes, gains)

@@ -175,17 +175,16 @@ class Plan:
         """Return the part of the box on which the orbit's exponents depend.
 
         Where C integrates, its states take up whatever input holds the vehicle at the source: in
-        coordinates about the orbit the equations are the same for every source and force.
+        coordinates about the orbit the equations are the same for every source and force. With a
+        pole at 0 they are the same for every source.
         """
-        free = {f.axis for f in self.families if f.integrators or not f.load}
-        return {
-            path: ends
-            for path, ends in self.box().items()
-            if not (
-                path.startswith(("field.source.", f"{VEHICLE}disturbance."))
-                and int(path.rpartition(".")[2]) in free
-            )
-        }
+        free = set()
+        for family in self.families:
+            if family.integrators or not any(plant.load for plant in family.vertices):
+                free.add(f"field.source.{family.axis}")
+            if family.integrators:
+                free.add(f"{VEHICLE}disturbance.{family.axis}")
+        return {path: ends for path, ends in self.box().items() if path not in free}
 
 
 def rounded_down(value: float) -> float:

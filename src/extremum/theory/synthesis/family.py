@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...lti import Transfer
 from ...rational import ratio
-from ...requirements import VEHICLE, Periodic, Ramp, Requirements
+from ...requirements import VEHICLE, Interval, Periodic, Ramp, Requirements
 from ..robustness import hessian_eigenvalues
 from .polynomials import at, product, total
 
@@ -227,7 +227,9 @@ def families(requirements: Requirements) -> tuple[Family, ...]:
                 dither=dither[axis],
                 input=math.inf if pushed[axis] is None else pushed[axis],
                 following=max(_following(p, requirements) for p in vertices),
-                lattice=plants(requirements, axis, NODES.get(uncertain(requirements, axis), 3)),
+                lattice=plants(
+                    requirements, axis, NODES.get(len(uncertain(requirements, axis)), 3)
+                ),
             )
         )
     return tuple(found)
@@ -236,20 +238,18 @@ def families(requirements: Requirements) -> tuple[Family, ...]:
 def plants(requirements: Requirements, axis: int, count: int) -> tuple[Plant, ...]:
     """Return G over a lattice of its uncertain numbers, `count` from end to end of each range."""
     vehicle = requirements.vehicle
-    mine = {
-        path.removeprefix(VEHICLE): ends
-        for path, ends in requirements.uncertain.items()
-        if path.startswith(f"{VEHICLE}axes.{axis}.")
-    }
+    ranges = uncertain(requirements, axis)
+    mine = {path.removeprefix(VEHICLE): ends for path, ends in ranges.items()}
     lattice = itertools.product(*(np.unique(np.linspace(*ends, count)) for ends in mine.values()))
     usual = middle(requirements)
     points = [usual | dict(zip(mine, map(float, node), strict=True)) for node in lattice]
     return tuple(plant_of(vehicle.replace(point).dynamics()[axis]) for point in points)
 
 
-def uncertain(requirements: Requirements, axis: int) -> int:
-    """Return how many numbers of an axis are uncertain."""
-    return sum(path.startswith(f"{VEHICLE}axes.{axis}.") for path in requirements.uncertain)
+def uncertain(requirements: Requirements, axis: int) -> dict[str, Interval]:
+    """Return the ranges of an axis' uncertain numbers, by dotted path."""
+    start = f"{VEHICLE}axes.{axis}."
+    return {path: e for path, e in requirements.uncertain.items() if path.startswith(start)}
 
 
 def middle(requirements: Requirements) -> dict[str, float]:

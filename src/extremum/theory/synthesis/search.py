@@ -12,12 +12,11 @@ import numpy as np
 
 from ...engines.trajectory import COMPLETED, ESCAPED, LEFT
 from ...loop import Loop
-from ...requirements import VEHICLE
 from . import limits
 from .building import Plan, centre, corners, is_diagonal, midpoints
 from .candidates import rounded
 from .confirmation import Arrival, Confirmed, arrival, confirmed, reach
-from .family import BY_INPUT, PACE
+from .family import BY_INPUT, PACE, uncertain
 from .proofs import proofs_of
 from .report import Design
 from .shapes import CHARGING, Wish
@@ -148,8 +147,8 @@ def _far(plan: Plan, loop: Loop) -> Iterable[tuple[dict[str, float], tuple[float
     box = plan.judged_box()
     curvature = [path for path in box if path.startswith("field.q.") and is_diagonal(path)]
     axes = len(plan.families)
-    for end, uncertain in itertools.product((0, 1), _ends(plan)):
-        point = {**{path: box[path][end] for path in curvature}, **uncertain}
+    for end, numbers in itertools.product((0, 1), _ends(plan)):
+        point = {**{path: box[path][end] for path in curvature}, **numbers}
         point |= plan.pushed(point)
         r = max(plan.requirements.start_distance, reach(loop.replace(point)))
         for signs in itertools.product((1.0, 0.0, -1.0), repeat=axes):
@@ -162,13 +161,8 @@ def _ends(plan: Plan) -> list[dict[str, float]]:
     wanted = plan.requirements
     heaviest: dict[str, float] = {}
     for family in plan.families:
-        mine = {
-            path: ends
-            for path, ends in wanted.uncertain.items()
-            if path.startswith(f"{VEHICLE}axes.{family.axis}.")
-        }
         loads = [abs(plant.load) for plant in family.vertices]
-        heaviest |= list(corners(mine))[int(np.argmax(loads))]
+        heaviest |= list(corners(uncertain(wanted, family.axis)))[int(np.argmax(loads))]
     if not heaviest:
         return [{}]
     opposite = {path: sum(wanted.uncertain[path]) - value for path, value in heaviest.items()}

@@ -14,6 +14,7 @@ from ...simulation import simulate
 from ..floquet import nearest
 from ..orbits import periodic_orbit
 from .bands import Band
+from .building import is_diagonal
 from .confirmation import reach
 from .polynomials import Complex, Vector
 
@@ -46,7 +47,9 @@ class Witness:
         """Where it is in the box; without source distance, force and coupling."""
         found = {}
         for path, limits in self.design.box.items():
-            if path.startswith(("field.source.", "vehicle.disturbance.")) or _is_coupling(path):
+            if path.startswith(("field.source.", "vehicle.disturbance.")) or (
+                path.startswith("field.q.") and not is_diagonal(path)
+            ):
                 found[path] = 0.0
             else:
                 found[path] = limits[self.ends[not path.startswith("field.q.")]]
@@ -107,8 +110,3 @@ def witnesses(design: Design) -> tuple[Witness, ...]:
     """Return the exact loop where all curvatures and all uncertain numbers are at an end."""
     ends: Any = itertools.product((0, 1), (0, 1) if design.requirements.uncertain else (1,))
     return tuple(Witness(design, pair) for pair in ends)
-
-
-def _is_coupling(path: str) -> bool:
-    parts = path.split(".")
-    return len(parts) == 4 and parts[1] == "q" and parts[2] != parts[3]
