@@ -14,7 +14,7 @@ from pathlib import Path
 from report import Table, as_data, machine, show, verdict
 from rich.console import Console
 
-MODULES = ("foundation", "rivals", "theory", "design")
+MODULES = ("foundation", "rivals", "theory", "design", "ensemble")
 
 
 def main() -> int:

@@ -28,6 +28,6 @@ def documented(cls: type[Description]) -> list[str]:
 def _default(given: Any) -> str:
     if given is dataclasses.MISSING:
         return ""
-    if isinstance(given, bool | float):
+    if isinstance(given, bool | int | float):
         return str(given).lower()
     return str(given or "none")

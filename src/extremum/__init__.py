@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from . import plots
 from .controllers import Channel, Controller, Dither, Excitation, GradientES, Probe, Reference
+from .ensembles import ensemble
 from .errors import InvalidDescription
 from .fields import (
     Expression,
@@ -51,6 +52,7 @@ from .requirements import (
 )
 from .scenario import Run, Scenario, View, format_scenario, load_scenario, parse_scenario
 from .simulation import simulate
+from .sweeps import Axis, Study, Sweep, format_study, load_study, parse_study, sweep
 from .symbols import (
     acos,
     acosh,
@@ -107,6 +109,7 @@ __all__ = [
     "Along",
     "Assignment",
     "Average",
+    "Axis",
     "Bias",
     "Channel",
     "Circle",
@@ -153,6 +156,8 @@ __all__ = [
     "Scenario",
     "SourceMotion",
     "Start",
+    "Study",
+    "Sweep",
     "System",
     "Transfer",
     "TransferFunction",
@@ -175,17 +180,21 @@ __all__ = [
     "cosh",
     "critical_frequency",
     "design",
+    "ensemble",
     "exp",
     "field_from",
     "format_requirements",
     "format_scenario",
+    "format_study",
     "load_requirements",
     "load_scenario",
+    "load_study",
     "log",
     "loop_gain",
     "lyapunov",
     "parse_requirements",
     "parse_scenario",
+    "parse_study",
     "periodic_orbit",
     "pi",
     "plots",
@@ -195,6 +204,7 @@ __all__ = [
     "sinh",
     "sqrt",
     "stability",
+    "sweep",
     "t",
     "tan",
     "tanh",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass
+from fractions import Fraction
 from typing import Any
 
 
@@ -140,11 +141,15 @@ def is_none(given: Any) -> bool:
     return given is None
 
 
-def is_number(item: Any, meta: Meta) -> bool:
-    """Return whether an entry of a field is a parameter of the equations."""
-    if not isinstance(item, float) or meta.kind != "value":
+def is_number(item: Any, meta: Meta, varied: bool) -> bool:
+    """Return whether an entry of a field is a parameter of the equations.
+
+    A number that is structure because of its value (a quarter turn, a fraction) is one if it is
+    `varied`.
+    """
+    if not isinstance(item, float | Fraction) or meta.kind != "value":
         return False
-    return meta.literal is None or not meta.literal(item)
+    return varied or meta.literal is None or not meta.literal(item)
 
 
 def is_matrix(item: Any, meta: Meta) -> bool:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, dataclass_transform
 
@@ -33,7 +33,17 @@ from .declarations import (
 from .errors import InvalidDescription, shown, suggestion
 from .validation import accept
 
-__all__ = ["Description", "declarations", "flatten", "part", "structure", "value"]
+__all__ = [
+    "Description",
+    "declarations",
+    "flatten",
+    "joined",
+    "located",
+    "numbers",
+    "part",
+    "structure",
+    "value",
+]
 
 
 @dataclass_transform(
@@ -105,35 +115,118 @@ class Description(ABC):  # noqa: B024 - its roles, Field and so on, have the abs
         return _changed(self, {tuple(path.split(".")): new for path, new in changes.items()})
 
 
-def flatten(description: Description) -> tuple[tuple[Any, ...], list[float]]:
-    """Return the skeleton (structure, hashable, compared by equality) and the flat values."""
-    values: list[float] = []
-    return _skeleton(description, values), values
+def flatten(
+    description: Description, varied: Container[str] = ()
+) -> tuple[tuple[Any, ...], list[float]]:
+    """Return the skeleton (structure, hashable, compared by equality) and the flat values.
+
+    The numbers at the `varied` paths are values whatever they are.
+    """
+    values: dict[str, float] = {}
+    return _skeleton(description, "", values, varied), list(values.values())
 
 
-def _skeleton(item: Any, values: list[float], meta: Meta | None = None) -> Any:
+def numbers(description: Description, varied: Container[str] = ()) -> dict[str, float]:
+    """Return every value by its dotted path, in `flatten`'s order."""
+    values: dict[str, float] = {}
+    _skeleton(description, "", values, varied)
+    return values
+
+
+def _skeleton(
+    item: Any, path: str, values: dict[str, float], varied: Container[str], meta: Meta | None = None
+) -> Any:
     if isinstance(item, Description):
         cls = type(item)
         return (
             cls,
-            *(_skeleton(getattr(item, name), values, m) for name, m in declarations(cls).items()),
+            *(
+                _skeleton(getattr(item, name), joined(path, name), values, varied, m)
+                for name, m in declarations(cls).items()
+            ),
         )
     assert meta is not None
     if isinstance(item, tuple):
         if meta.kind == "value" and is_matrix(item, meta):
-            values.extend(item[i][j] for i in range(len(item)) for j in range(i, len(item)))
-            return ("symmetric", len(item))
-        return tuple(_skeleton(entry, values, meta) for entry in item)
+            size = len(item)
+            upper = ((i, j) for i in range(size) for j in range(i, size))
+            values.update({f"{path}.{i}.{j}": item[i][j] for i, j in upper})
+            return ("symmetric", size)
+        return tuple(
+            _skeleton(entry, f"{path}.{i}", values, varied, meta) for i, entry in enumerate(item)
+        )
     if isinstance(item, Table):
-        return tuple((key, _skeleton(entry, values, meta)) for key, entry in item.items())
-    if is_number(item, meta):
-        values.append(item)
+        return tuple(
+            (key, _skeleton(entry, f"{path}.{key}", values, varied, meta))
+            for key, entry in item.items()
+        )
+    if is_number(item, meta, path in varied):
+        values[path] = float(item)
         return float
     try:
         hash(item)
     except TypeError:
         return ("the same object", id(item))  # which the system keeps alive
     return item
+
+
+def joined(path: str, name: str) -> str:
+    """Return the dotted path of an entry."""
+    return f"{path}.{name}" if path else name
+
+
+# --- numbers by dotted path -------------------------------------------------------------------
+
+
+class _Every(Container[str]):
+    def __contains__(self, path: object) -> bool:
+        return True
+
+
+def located(description: Description, path: str) -> str:
+    """Return the path of the number that `path` names, one for mirrored entries of a matrix.
+
+    Raises
+    ------
+    InvalidDescription
+        If there is no number: with the nearest path, the numbers inside, or what must be given one.
+    """
+    known = numbers(description, _Every())
+    parts = path.split(".")
+    mirrored = ".".join([*parts[:-2], *parts[:-3:-1]])
+    for name in (path, mirrored):
+        if name in known:
+            return name
+    inside = [name for name in known if name.startswith(f"{path}.")]
+    if inside:
+        raise InvalidDescription(path, f"is not one number; inside it are {', '.join(inside)}")
+    raise _no_number(description, path, known)
+
+
+def _no_number(description: Description, path: str, known: Iterable[str]) -> InvalidDescription:
+    item: Any = description
+    meta, reached = None, ""
+    for name in path.split("."):
+        inside = _entries(item)
+        if name not in inside:
+            break
+        meta = declarations(type(item))[name] if isinstance(item, Description) else meta
+        item, reached = inside[name], joined(reached, name)
+    if meta is not None and meta.kind == "structure":
+        return InvalidDescription(reached, "is structure; only numbers of the equations can vary")
+    if item is None or isinstance(item, str):
+        return InvalidDescription(
+            reached, f"must be given first: replace({{{reached!r}: …}})", shown(item)
+        )
+    return InvalidDescription(path, f"there is no such number; {suggestion(path, known)}")
+
+
+def _entries(item: Any) -> Mapping[str, Any]:
+    if isinstance(item, Description):
+        return {name: getattr(item, name) for name in declarations(type(item))}
+    if isinstance(item, tuple):
+        return {str(index): entry for index, entry in enumerate(item)}
+    return item if isinstance(item, Table) else {}
 
 
 # --- changes by dotted path -------------------------------------------------------------------

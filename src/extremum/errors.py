@@ -27,6 +27,10 @@ class InvalidDescription(ValueError):
         shown = f" = {value}" if value else ""
         super().__init__(f"{where}{shown}: {reason}" if where else reason)
 
+    def __reduce__(self) -> tuple[type[InvalidDescription], tuple[str, ...]]:
+        """Come back whole from another process."""
+        return InvalidDescription, (self.path, self.reason, self.value, self.owner)
+
     def within(self, prefix: str) -> InvalidDescription:
         """Return the same error seen from an outer description."""
         path = ".".join(part for part in (prefix, self.path) if part)

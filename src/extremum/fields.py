@@ -59,7 +59,7 @@ class Field(Description, abstract=True):
             for call in law.atoms(AppliedUndef)
             for guard in oracles[call.func.__name__].guards(call.args)
         ]
-        library = {n: np.vectorize(o.function, otypes=[float]) for n, o in oracles.items()}
+        library = {n: o.vectorised() for n, o in oracles.items()}
         evaluate = sympy.lambdify([*names, t], [law, *within], [library, "numpy"], dummify=True)
         arrays = np.broadcast_arrays(*(np.asarray(p, dtype=float) for p in (*position, time)))
         with np.errstate(all="ignore"):

@@ -19,7 +19,7 @@ from .description import structure
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
 from .symbols import axis_names, is_coordinate
-from .system import Oracle
+from .system import Oracle, Table
 
 MIN_POINTS: Final = 4
 PACKAGED: Final = "matplotlib:"
@@ -149,8 +149,12 @@ class Gridded(Field):
         def asked(*arguments: float) -> float:
             return float(spline(arguments))
 
+        def many(*arguments: Any) -> Any:
+            return spline(np.stack(np.broadcast_arrays(*arguments), axis=-1))
+
         lower, upper = (tuple(float(a[i]) for a in self.grid.axes) for i in (0, -1))
-        return {"f": Oracle(asked, lower, upper)}
+        table = Table(self.grid.axes, self.grid.values)
+        return {"f": Oracle(asked, lower, upper, many, table)}
 
 
 def as_grid(given: Any) -> Grid:

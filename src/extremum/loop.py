@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, Final
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
 from .controllers import Controller
-from .description import Description, flatten, part, value
+from .description import Description, flatten, located, part, value
 from .diagram import Diagram
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
@@ -222,13 +222,7 @@ class Loop(Description):
 
     @cached_property
     def _composed(self) -> tuple[System, Loop]:
-        skeleton, _ = self._flat
-        with _LOCK:
-            if skeleton not in _SYSTEMS:
-                while len(_SYSTEMS) >= _KEPT:
-                    _SYSTEMS.pop(next(iter(_SYSTEMS)))
-                _SYSTEMS[skeleton] = _assemble(self)
-            return _SYSTEMS[skeleton]
+        return _shared(self, self._flat[0])
 
     def rest(self, signal: Expr) -> tuple[Expr, ...]:
         """Return the sensor's and the controller's states at rest under a constant J = `signal`."""
@@ -259,15 +253,55 @@ UNDAMPED: Final = 1e-9
 SENSED: Final = Symbol("J_s", real=True)
 """What the controller receives where there is a sensor; J itself where there is none."""
 
+
+def varied(loop: Loop, paths: Sequence[str]) -> tuple[System, NDArray[np.float64], tuple[int, ...]]:
+    """Return the equations in which the numbers at `paths` are parameters whatever they are.
+
+    A phase that is a quarter turn, a gain of 1, a coefficient of 0 and a fraction are structure of
+    `Loop.system`; here they are letters like any other.
+
+    Returns
+    -------
+    system, values, places
+        The equations, the loop's numbers in the order of ``system.parameters``, and where among
+        them the numbers at `paths` stand.
+
+    Raises
+    ------
+    InvalidDescription
+        For a path that names no number, or one named twice.
+    """
+    names = [located(loop, path) for path in paths]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            same = paths[names.index(name)]
+            raise InvalidDescription(paths[index], f"is the same number as {same}; vary one")
+    skeleton, values = flatten(loop, names)
+    system, _ = _shared(loop, skeleton, names)
+    order = [parameter.path for parameter in system.parameters]
+    return system, np.array(values), tuple(order.index(name) for name in names)
+
+
 _KEPT = 256
 _LOCK = threading.RLock()
 _SYSTEMS: dict[Any, tuple[System, Loop]] = {}
 
 
-def _assemble(loop: Loop) -> tuple[System, Loop]:
+def _shared(
+    loop: Loop, skeleton: tuple[Any, ...], names: Container[str] = ()
+) -> tuple[System, Loop]:
+    with _LOCK:
+        if skeleton not in _SYSTEMS:
+            while len(_SYSTEMS) >= _KEPT:
+                _SYSTEMS.pop(next(iter(_SYSTEMS)))
+            _SYSTEMS[skeleton] = _assemble(loop, names)
+        return _SYSTEMS[skeleton]
+
+
+def _assemble(loop: Loop, varied: Container[str]) -> tuple[System, Loop]:
     reserved: frozenset[str] = frozenset()
     while True:
-        system, twin = _compose(loop, reserved)
+        system, twin = _compose(loop, reserved, varied)
         drawn = {str(symbol) for symbol in system.units} | {"t", "J"}
         clash = drawn & {str(symbol) for symbol in system.symbols}
         if not clash:
@@ -275,11 +309,14 @@ def _assemble(loop: Loop) -> tuple[System, Loop]:
         reserved |= clash
 
 
-def _compose(loop: Loop, reserved: frozenset[str]) -> tuple[System, Loop]:
-    names, units = loop.vehicle.input_names(), loop.vehicle.input_units()
-    letters = axis_names(max(loop.vehicle.dimension(), len(names)))
+def _compose(loop: Loop, reserved: frozenset[str], varied: Container[str]) -> tuple[System, Loop]:
+    axes = loop.vehicle.dimension()
+    letters = axis_names(max(axes, loop.controller.inputs()))
+    form, _ = symbolic(loop, len(letters), {}, varied=varied)
+    form._check_start(axes)
+    names, units = form.vehicle.input_names(), form.vehicle.input_units()
     twin, parameters = symbolic(
-        loop, len(letters), dict(zip(letters, units, strict=False)), reserved
+        loop, len(letters), dict(zip(letters, units, strict=False)), reserved, varied
     )
     diagram = Diagram()
     inputs = tuple(Symbol(name, real=True) for name in names)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import sympy
 
-from .declarations import Meta, Table, declarations, is_matrix, is_number
-from .description import Description
+from .declarations import Meta, Table, declarations, is_matrix
+from .description import Description, joined, numbers
 from .symbols import axis_names
 
 
@@ -32,13 +32,14 @@ def symbolic(
     dimension: int,
     units: Mapping[str, str],
     reserved: frozenset[str] = frozenset(),
+    varied: Container[str] = (),
 ) -> tuple[Any, tuple[Parameter, ...]]:
     """Return the description with symbols for values, and the parameters in `flatten`'s order.
 
     `dimension` gives the axes their letters, `units` says each axis' input unit, and no symbol
-    takes a `reserved` name.
+    takes a `reserved` name. The numbers at the `varied` paths are values whatever they are.
     """
-    names = _Names(dimension, units, reserved)
+    names = _Names(numbers(description, varied), dimension, units, reserved)
     twin = names.twin(description, "", None)
     return twin, tuple(names.parameters)
 
@@ -46,7 +47,14 @@ def symbolic(
 class _Names:
     """Gives every value its symbol, unique, in the order in which `flatten` lists the values."""
 
-    def __init__(self, dimension: int, units: Mapping[str, str], reserved: frozenset[str]) -> None:
+    def __init__(
+        self,
+        values: Container[str],
+        dimension: int,
+        units: Mapping[str, str],
+        reserved: frozenset[str],
+    ) -> None:
+        self.values = values
         self.axes = axis_names(dimension)
         self.units = units
         self.parameters: list[Parameter] = []
@@ -56,7 +64,7 @@ class _Names:
         if isinstance(item, Description):
             copy = object.__new__(type(item))
             for name, inner in declarations(type(item)).items():
-                entry = self.twin(getattr(item, name), _join(path, name), axis, inner)
+                entry = self.twin(getattr(item, name), joined(path, name), axis, inner)
                 object.__setattr__(copy, name, entry)
             return copy
         assert meta is not None
@@ -65,13 +73,13 @@ class _Names:
         if isinstance(item, Table):
             return Table(
                 {
-                    key: self.symbol(_join(path, key), key, axis, meta)
-                    if is_number(entry, meta)
+                    key: self.symbol(f"{path}.{key}", key, axis, meta)
+                    if f"{path}.{key}" in self.values
                     else entry
                     for key, entry in item.items()
                 }
             )
-        if is_number(item, meta):
+        if path in self.values:
             return self.symbol(path, meta.symbol, axis, meta)
         return item
 
@@ -119,7 +127,3 @@ class _Names:
         unit = meta.unit.format(input=self.units.get(axis or "", "1"), per=per)
         self.parameters.append(Parameter(symbol, path, unit))
         return symbol
-
-
-def _join(path: str, name: str) -> str:
-    return f"{path}.{name}" if path else name

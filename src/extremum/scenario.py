@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from .description import Description, part, structure, value
 from .documents import Reader, entries, opened, parsed, table, written
@@ -123,7 +123,8 @@ class Scenario(Description):
 
 
 _LOOP = ("field", "vehicle", "controller", "start", "sensor")
-_TOP = ("title", "note", "run", *_LOOP, "view")
+TOP: Final = ("title", "note", "run", *_LOOP, "view")
+"""The keys at the top of a scenario file."""
 
 
 def parse_scenario(text: str, folder: Path | str = ".") -> Scenario:
@@ -134,19 +135,23 @@ def parse_scenario(text: str, folder: Path | str = ".") -> Scenario:
     InvalidDescription
         With the dotted path, the value and what would be right.
     """
-    data = parsed(text, _TOP)
-    reader = Reader(Path(folder))
-    loop = {key: data[key] for key in _LOOP if key in data}
-    rest = {key: data[key] for key in ("title", "note") if key in data}
     try:
-        return Scenario(
-            loop=reader.build(Loop, loop, ""),
-            run=reader.build(Run, table(data, "run"), "run"),
-            view=reader.build(View, table(data, "view", {}), "view"),
-            **rest,
-        )
+        return stated(parsed(text, TOP), Path(folder))
     except RecursionError:
         raise InvalidDescription("", "this scenario is nested too deeply") from None
+
+
+def stated(data: Mapping[str, Any], folder: Path) -> Scenario:
+    """Return the scenario that nested tables state."""
+    reader = Reader(folder)
+    loop = {key: data[key] for key in _LOOP if key in data}
+    rest = {key: data[key] for key in ("title", "note") if key in data}
+    return Scenario(
+        loop=reader.build(Loop, loop, ""),
+        run=reader.build(Run, table(data, "run"), "run"),
+        view=reader.build(View, table(data, "view", {}), "view"),
+        **rest,
+    )
 
 
 def load_scenario(path: Path | str) -> Scenario:
@@ -173,6 +178,11 @@ def format_scenario(scenario: Scenario) -> str:
     if not isinstance(scenario, Scenario):
         reason = "must be a Scenario: Scenario(loop=…, run=Run(t_end=…))"
         raise InvalidDescription("", reason, type(scenario).__name__)
+    return tomli_w.dumps(as_tables(scenario))
+
+
+def as_tables(scenario: Scenario) -> dict[str, Any]:
+    """Return the scenario as nested tables of what TOML can hold."""
     data: dict[str, Any] = {key: getattr(scenario, key) for key in ("title", "note")}
     data = {key: text for key, text in data.items() if text}
     data |= {"start": written(scenario.loop.start)}
@@ -180,4 +190,4 @@ def format_scenario(scenario: Scenario) -> str:
     data |= entries(scenario.loop)
     if scenario.view != View():
         data["view"] = entries(scenario.view)
-    return tomli_w.dumps(data)
+    return data

@@ -114,7 +114,7 @@ def simulate(
         "state_names": [str(x) for x in system.states],
         "engine": name,
         "tol": tol,
-        "scenario": _scenario(loop, t_end, samples, title),
+        "scenario": scenario_text(loop, t_end, samples, title),
     }
     return dataset
 
@@ -255,7 +255,8 @@ def _dataset(
     return xarray.Dataset(variables, {"time": time, "axis": axes})
 
 
-def _scenario(loop: Loop, t_end: float, samples: Any, title: str) -> str:
+def scenario_text(loop: Loop, t_end: float, samples: Any = None, title: str = "") -> str:
+    """Return the scenario's text, empty if the loop cannot be written."""
     run = Run(t_end=t_end, samples=samples if isinstance(samples, int) else None)
     try:
         return format_scenario(Scenario(loop=loop, run=run, title=title))

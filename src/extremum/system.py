@@ -21,6 +21,37 @@ Compiled = Callable[..., Any]
 
 
 @dataclass(frozen=True, eq=False)
+class Table:
+    """The tensor product of C² cubic splines (not-a-knot) through values on a grid.
+
+    Attributes
+    ----------
+    lines
+        Coordinates of the grid lines, increasing, one array per argument.
+    values
+        The function's values, (len(lines[0]), len(lines[1]), …).
+    """
+
+    lines: tuple[NDArray[np.float64], ...]
+    values: NDArray[np.float64]
+
+    @cached_property
+    def nodes(self) -> NDArray[np.float64]:
+        """The mixed first derivatives at the nodes, (*values.shape, 2^d), which determine it.
+
+        Number Σ_k b_k 2^(d−1−k) of a node is ∂^b f, b_k = 0 or 1: in two dimensions
+        f, ∂f/∂y, ∂f/∂x, ∂²f/∂x∂y.
+        """
+        from scipy.interpolate import make_interp_spline
+
+        found = [self.values]
+        for axis, line in enumerate(self.lines):
+            slopes = [make_interp_spline(line, f, k=3, axis=axis)(line, nu=1) for f in found]
+            found = [f for pair in zip(found, slopes, strict=True) for f in pair]
+        return np.stack(found, axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
 class Oracle:
     """A function that is known by its values only, as it stands in the equations.
 
@@ -30,11 +61,21 @@ class Oracle:
         Takes the arguments as floats and returns a float.
     lower, upper
         Where it is defined, one bound per argument; empty if everywhere.
+    many
+        The same function of arrays; None where there is none.
+    table
+        The same function as a table; None if it is none.
     """
 
     function: Callable[..., float]
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
+    many: Compiled | None = None
+    table: Table | None = None
+
+    def vectorised(self) -> Compiled:
+        """Return the function of arrays."""
+        return self.many or np.vectorize(self.function, otypes=[float])
 
     def guards(self, arguments: Sequence[Any]) -> list[Expr]:
         """Return expressions of the arguments that are positive where the oracle is defined."""
@@ -121,10 +162,7 @@ class System:
         bound += [(binding[symbol], substituted(e, binding)) for symbol, e in needed]
         arguments = [self.time, list(self.states), list(self.symbols)]
         library = [
-            {
-                name: np.vectorize(o.function, otypes=[float]) if vector else o.function
-                for name, o in self.oracles.items()
-            },
+            {name: o.vectorised() if vector else o.function for name, o in self.oracles.items()},
             "numpy" if vector else "math",
         ]
         return sympy.lambdify(

@@ -1,4 +1,4 @@
-"""The command line: `extremum run | paper | equations | stability | design`."""
+"""The command line: `extremum run | paper | equations | stability | design | sweep`."""
 
 from .main import main
 

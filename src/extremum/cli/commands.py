@@ -7,10 +7,10 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from .. import plots
 from ..errors import InvalidDescription
@@ -18,6 +18,7 @@ from ..papers import zhang2007
 from ..requirements import load_requirements
 from ..scenario import Scenario, format_scenario, load_scenario
 from .files import Files
+from .inputs import in_file, load, suffixed
 from .progress import Bar
 from .report import summary
 
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     import xarray
     from rich.console import Console
 
-T = TypeVar("T")
 FIGURES = (".png", ".pdf", ".svg")
 ANIMATIONS = (".gif", ".mp4")
 WIDTH = 120
@@ -34,11 +34,11 @@ WIDTH = 120
 
 def run(options: argparse.Namespace) -> int:
     """Simulate a scenario file; print, and write what was asked for."""
-    scenario = _load(options.scenario, load_scenario)
+    scenario = load(options.scenario, load_scenario)
     wanted = {
-        "data": _suffixed(options.output, (".nc",), "-o"),
-        "plot": _suffixed(options.plot, FIGURES, "--plot"),
-        "animation": _suffixed(options.animation, ANIMATIONS, "--animation"),
+        "data": suffixed(options.output, (".nc",), "-o"),
+        "plot": suffixed(options.plot, FIGURES, "--plot"),
+        "animation": suffixed(options.animation, ANIMATIONS, "--animation"),
     }
     if wanted["animation"]:
         plots.check_animation(wanted["animation"])
@@ -83,10 +83,10 @@ def design(options: argparse.Namespace) -> int:
     from ..theory.synthesis import design as designed
     from ..theory.synthesis.table import rendered
 
-    requirements = _load(options.requirements, load_requirements)
+    requirements = load(options.requirements, load_requirements)
     wanted = {
-        "scenario": _suffixed(options.output, (".toml",), "-o"),
-        "plot": _suffixed(options.plot, FIGURES, "--plot"),
+        "scenario": suffixed(options.output, (".toml",), "-o"),
+        "plot": suffixed(options.plot, FIGURES, "--plot"),
     }
     target = wanted["scenario"]
     if target is not None and target.resolve() == Path(options.requirements).resolve():
@@ -95,7 +95,7 @@ def design(options: argparse.Namespace) -> int:
         try:
             found = designed(requirements)
         except InvalidDescription as error:
-            raise _in_file(error, options.requirements) from None
+            raise in_file(error, options.requirements) from None
         if "scenario" in files:
             files["scenario"].write_text(format_scenario(found.scenario()), encoding="utf-8")
         if "plot" in files:
@@ -157,40 +157,11 @@ def _console() -> Console:
 @contextmanager
 def _about(path: str) -> Iterator[Scenario]:
     """Load a scenario; name its file in whatever is refused about its loop."""
-    scenario = _load(path, load_scenario)
+    scenario = load(path, load_scenario)
     try:
         yield scenario
     except InvalidDescription as error:
-        raise _in_file(error, path) from None
-
-
-def _load(path: str, load: Callable[[str], T]) -> T:
-    try:
-        return load(path)
-    except InvalidDescription as error:
-        if "\0" not in path and Path(path).is_file():
-            raise _in_file(error, path) from None
-        if path in zhang2007.NAMES:
-            hint = f"{path} is a scenario of the paper: extremum paper {path}"
-            raise InvalidDescription("", f"there is no file {path}; {hint}") from None
-        raise
-
-
-def _in_file(error: InvalidDescription, path: str) -> InvalidDescription:
-    shown = f" = {error.value}" if error.value else ""
-    if not error.path:
-        told = error.reason.startswith((path, f"cannot read {path}"))
-        return error if told else InvalidDescription("", f"{path}: {error.reason}")
-    return InvalidDescription("", f"{path}: {error.path}{shown}: {error.reason}")
-
-
-def _suffixed(given: str | None, known: tuple[str, ...], option: str) -> Path | None:
-    if given is None:
-        return None
-    path = Path(given)
-    if path.suffix.lower() not in known:
-        raise InvalidDescription("", f"{option} {given}: the name must end in {' or '.join(known)}")
-    return path
+        raise in_file(error, path) from None
 
 
 def _simulated(scenario: Scenario, files: Files) -> int:

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from .. import __version__
 from ..errors import InvalidDescription
 from ..papers.zhang2007 import NAMES
-from . import commands, interrupts
+from ..studies import NAMES as STUDIES
+from . import commands, interrupts, studying, sweeping
 
 WRONG, INTERRUPTED = 2, 130
 
@@ -75,6 +76,8 @@ exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is
     _add_equations(verbs)
     _add_stability(verbs)
     _add_design(verbs)
+    _add_sweep(verbs)
+    _add_study(verbs)
     return parser
 
 
@@ -173,3 +176,49 @@ exit status: 0 designed, 2 no controller meets the requirements, or the input is
     design.add_argument("--plot", metavar="OUT.png", help="write a figure (.png, .pdf, .svg)")
     design.add_argument("--force", action="store_true", help="overwrite existing files")
     design.set_defaults(command=commands.design)
+
+
+def _add_sweep(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    sweep = verbs.add_parser(
+        "sweep",
+        help="run many loops of one scenario into a Zarr store",
+        description="Run the loops of a study file, a scenario whose numbers vary, into a Zarr "
+        "store.\nInterrupted, killed or out of disk, the same command goes on where it was.",
+        epilog="""examples:
+  extremum sweep basin.toml                               into basin.zarr, on all cores
+  extremum sweep basin.toml -o run2.zarr --threads 4      on four threads
+  extremum sweep basin.toml --workers 8                   in eight processes (needs Dask)
+  extremum sweep basin.toml --scheduler tcp://node1:8786  on a Dask cluster
+
+exit status: 0 complete, 2 something in the input is wrong, 130 interrupted""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    sweep.add_argument("study", metavar="STUDY.toml")
+    sweep.add_argument(
+        "-o", "--output", metavar="STORE.zarr", help="by default the study's name, here"
+    )
+    where = sweep.add_mutually_exclusive_group()
+    where.add_argument("--workers", metavar="N", type=int, help="processes of this machine")
+    where.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler")
+    sweep.add_argument("--threads", metavar="N", type=int, help="threads of each process")
+    sweep.set_defaults(command=sweeping.sweep)
+
+
+def _add_study(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    study = verbs.add_parser(
+        "study",
+        help="run a ready study of many loops",
+        description=f"Run {', '.join(STUDIES)} or all; without a name, list them.\n"
+        "Writes NAME.nc (data) and NAME.png (figure), and for cloud NAME.gif (animation).",
+        epilog="""examples:
+  extremum study                              the list, with how many loops each runs
+  extremum study basin -o studies             into the folder studies
+  extremum study basin --loops 10000          a coarser one, soon done
+  extremum study all -o studies --force       all of them again""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    study.add_argument("name", metavar="NAME", nargs="?", help="a name from the list above")
+    study.add_argument("-o", "--output", metavar="DIR", default=".", help="folder to write into")
+    study.add_argument("--loops", metavar="N", type=int, help="how many; at most so many are run")
+    study.add_argument("--force", action="store_true", help="overwrite existing files")
+    study.set_defaults(command=studying.study)

@@ -1,0 +1,1 @@
+"""What the ensemble engines share: a loop as a straight-line program."""

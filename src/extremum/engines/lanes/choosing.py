@@ -1,0 +1,104 @@
+"""Which scheme takes the steps, how long they are, and why a loop came to no end."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...system import System
+from .asked import Asked, Numbers
+from .schemes import RK4, RungeKutta, Taylor
+
+SHARE: Final = 0.1
+"""Of the tolerance that one step may take."""
+
+ORDERS: Final = (8, 20)
+
+FINEST: Final = {"float64": 0.0, "float32": 1e-5}
+"""Tolerance below which a fixed step is not made shorter."""
+
+STEEP: Final = 1e3
+"""Growth per radian of the dither beyond which a loop that came to no end has escaped."""
+
+HUGE: Final = {"float64": 1e90, "float32": 1e9}
+"""A state beyond which a loop that came to no end has escaped."""
+
+
+def usual(asked: Asked) -> Taylor | RungeKutta:
+    """Return Taylor's method of the order that fits the tolerance, RK4 for tables."""
+    if asked.system.oracles:
+        return RK4
+    order = 2 * round((4.2 - math.log10(asked.tol)) / 2)
+    return Taylor(min(max(order, ORDERS[0]), ORDERS[1]))
+
+
+def numbers(asked: Asked, part: slice = slice(None)) -> list[Any]:
+    """Return the parameters of some of the loops: arrays for those that vary."""
+    values: list[Any] = list(asked.values)
+    for row, index in enumerate(asked.swept):
+        values[index] = asked.columns[row, part]
+    return values
+
+
+def fastest(asked: Asked) -> Numbers:
+    """Return every loop's fastest dither frequency (rad/s), 1 without a dither."""
+    import sympy
+
+    system = asked.system
+    if not system.carriers:
+        return np.ones(asked.count)
+    frequencies = sympy.lambdify([list(system.symbols)], list(system.carriers), "numpy")
+    found = [np.broadcast_to(f, asked.count) for f in frequencies(numbers(asked))]
+    return np.abs(np.array(found, dtype=float)).max(axis=0)
+
+
+def lengths(asked: Asked) -> Numbers:
+    """Return the step (s) of every loop for a scheme that has no step size of its own.
+
+    A power law of the tolerance, and a whole number of steps between two samples. What is left to
+    gain in single precision is lost in rounding.
+    """
+    per_period = 4 * max(asked.tol, FINEST[asked.dtype]) ** (-1 / 4)
+    periods = asked.t_end * fastest(asked) / (2 * math.pi)
+    parts = max(asked.samples - 1, 1)
+    return asked.t_end / (np.ceil(periods * per_period / parts) * parts)
+
+
+def outcomes(
+    asked: Asked, completed: NDArray[np.bool_], times: Numbers, states: NDArray[Any]
+) -> NDArray[np.int8]:
+    """Return 0 for loops that came to the end, 1 for those that escaped, 2 for the others.
+
+    A loop that came to no end has escaped if a state is huge, or grows by `STEEP` of itself within
+    a radian of the dither; otherwise its field has no value further on.
+    """
+    found = np.zeros(asked.count, dtype=np.int8)
+    broken = np.flatnonzero(~completed)
+    if not len(broken):
+        return found
+    there = states[:, broken].astype(float)
+    size = np.abs(there).max(axis=0)
+    escaped = size > HUGE[asked.dtype]
+    if not asked.system.guards:
+        rates = _rates(asked.system, asked, broken, times[broken], there)
+        limit = STEEP * (1 + size) * fastest(asked)[broken]
+        with np.errstate(invalid="ignore"):
+            escaped |= (np.abs(rates) >= limit).any(axis=0) & ~np.isnan(rates).any(axis=0)
+    found[broken] = np.where(escaped, 1, 2)
+    return found
+
+
+def _rates(
+    system: System,
+    asked: Asked,
+    loops: NDArray[np.intp],
+    times: Numbers,
+    states: NDArray[Any],
+) -> NDArray[np.float64]:
+    values = [v[loops] if isinstance(v, np.ndarray) else v for v in numbers(asked)]
+    with np.errstate(all="ignore"):
+        rates = system.function(system.rhs, vector=True)(times, list(states), values)
+    return np.array([np.broadcast_to(rate, times.shape) for rate in rates], dtype=float)

@@ -1,0 +1,205 @@
+"""Many loops on the processor's vector units."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...system import System
+from ..lanes import choosing
+from ..lanes.asked import Asked, Ended
+from ..lanes.program import Program, Scheme, program
+from ..lanes.watch import Watch
+from .compiling import Compiled, has
+from .kernel import TAIL, Kernel
+from .layout import Layout
+from .tables import packed, readers
+
+KEPT: Final = 64
+CODE: Final = 36 * 1024
+"""Bytes of an object file whose loop still fits the first-level cache."""
+
+MOST_REGISTERS: Final = 4
+
+PIECE: Final = 4096
+"""Loops of a piece of work; between two of them Ctrl-C is noticed."""
+
+_SIGNATURE: Final = (*[ctypes.c_double] * 2, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 3)
+_LOCK: Final = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A compiled kernel and what it needs to know."""
+
+    program: Program
+    layout: Layout
+    run: Callable[..., None]
+    flops: float
+
+
+_KERNELS: OrderedDict[Any, Ready] = OrderedDict()
+
+
+def ready(
+    system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
+) -> Ready:
+    """Return the kernel of a structure, compiled now if it is not kept."""
+    key = (system, swept, scheme, watch, dtype)
+    with _LOCK:
+        if key not in _KERNELS:
+            while len(_KERNELS) >= KEPT:
+                _KERNELS.popitem(last=False)
+            _KERNELS[key] = _compiled(*key)
+        _KERNELS.move_to_end(key)
+        return _KERNELS[key]
+
+
+def _compiled(
+    system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
+) -> Ready:
+    """Compile for the widest vectors whose code stays in the first-level cache.
+
+    Several vector registers side by side hide the latency of each one's chain of operations.
+    """
+    bits = 32 if dtype == "float32" else 64
+    register = (512 if has("avx512f") else 256) // bits
+    step = program(system, swept, scheme, watch)
+    width = (2 if system.oracles else MOST_REGISTERS) * register
+    while True:
+        kernel = Kernel(step, swept, width, bits, readers(system, bits))
+        code = Compiled(kernel.text())
+        if code.size <= CODE or width == register:
+            return Ready(step, kernel.layout, code.function("run", *_SIGNATURE), kernel.flops)
+        width //= 2
+
+
+def integrate(
+    asked: Asked,
+    *,
+    threads: int = 1,
+    progress: Callable[[float], object] | None = None,
+    scheme: Scheme | None = None,
+) -> Ended:
+    """Run loops, a column of numbers each, and return what became of them.
+
+    An exception from `progress`, or Ctrl-C, stops all threads within a step.
+
+    Parameters
+    ----------
+    asked
+        The loops.
+    threads
+        How many of the processor's cores work.
+    progress
+        Called with the share of the loops that are done.
+    scheme
+        Taylor's method of an order that fits the tolerance if left out, RK4 for tables.
+    """
+    scheme = choosing.usual(asked) if scheme is None else scheme
+    kernel = ready(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
+    work = _Work(kernel, asked)
+    starts = range(0, work.stride, PIECE)
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [pool.submit(work.run, start) for start in starts]
+        try:
+            for done, job in enumerate(jobs, 1):
+                job.result()
+                if progress is not None:
+                    progress(done / len(jobs))
+        except BaseException:
+            work.stop[0] = 1
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+    return work.ended(scheme)
+
+
+class _Work:
+    """The arrays that the kernel reads and writes; a row of whole vectors each."""
+
+    def __init__(self, kernel: Ready, asked: Asked) -> None:
+        self.kernel, self.asked = kernel, asked
+        layout = kernel.layout
+        width, count = layout.width, asked.count
+        self.stride = -(-count // width) * width
+        self.columns = np.empty((len(layout.columns), self.stride))
+        for (name, _), row in layout.columns.items():
+            self.columns[row, :count] = self._column(name, row)
+        self.columns[:, count:] = self.columns[:, count - 1 : count]
+        self.out = np.empty((len(layout.left) + len(TAIL), self.stride))
+        number = np.float32 if layout.bits == 32 else np.float64
+        states = len(asked.system.states)
+        self.samples = np.empty((asked.samples, states, self.stride), dtype=number)
+        self.stop = np.zeros(1, dtype=np.int64)
+        self.tables = packed(asked.system, asked.dtype)
+        self.values = np.ascontiguousarray(asked.values, dtype=float)
+
+    def _column(self, name: str, row: int) -> Any:
+        asked = self.asked
+        if name == "value":
+            return asked.columns[row]
+        if name == "length":
+            return choosing.lengths(asked)
+        return asked.t_end - self._window()
+
+    def _window(self) -> Any:
+        assert self.asked.window is not None
+        return np.minimum(self.asked.window, self.asked.t_end)
+
+    def run(self, start: int) -> None:
+        """Run the loops of the piece that begins here."""
+        asked, layout = self.asked, self.kernel.layout
+        vectors = min(PIECE, self.stride - start) // layout.width
+        kept = self.samples.ctypes.data + start * layout.bits // 8 if asked.samples else None
+        self.kernel.run(
+            asked.tol * choosing.SHARE,
+            asked.t_end,
+            self.values.ctypes.data,
+            self.columns.ctypes.data + 8 * start,
+            self.out.ctypes.data + 8 * start,
+            kept,
+            self.tables.ctypes.data,
+            self.stop.ctypes.data,
+            self.stride,
+            vectors,
+            max(asked.samples - 1, 1),
+        )
+
+    def ended(self, scheme: Scheme) -> Ended:
+        """Return what became of the loops."""
+        asked, count = self.asked, self.asked.count
+        names = (*self.kernel.layout.left, *TAIL)
+        rows = {name: self.out[row, :count] for row, name in enumerate(names)}
+
+        def block(name: str) -> NDArray[Any]:
+            found = [row for key, row in rows.items() if key.split()[0] == name]
+            return np.array(found).reshape(len(found), count)
+
+        states = block("state").astype(self.samples.dtype)
+        completed, times = rows["completed"] == 1, rows["time"].copy()
+        times[completed] = asked.t_end
+        last = block("last")
+        if len(last):
+            last = np.where(completed, last / self._window(), np.nan)
+        with np.errstate(invalid="ignore"):
+            mean = block("mean") / times
+        return Ended(
+            states=states,
+            outcome=choosing.outcomes(asked, completed, times, states),
+            end_time=times,
+            mean=mean,
+            last_mean=last,
+            maxima=block("maximum"),
+            beyond=block("beyond"),
+            samples=self.samples[:, :, :count],
+            steps=rows["steps"].astype(np.int64),
+            scheme=scheme.name,
+        )

@@ -1,0 +1,5 @@
+"""Ensembles: many loops of one structure at once."""
+
+from .ensembling import ensemble
+
+__all__ = ["ensemble"]
