@@ -19,7 +19,7 @@ constexpr int BYTES = 32;
 #endif
 constexpr int WIDTH = BYTES / sizeof(Real);
 constexpr int COLUMNS = 8;
-constexpr int BLOCK = 32;  // steps between two fresh starts of the rotation
+constexpr int BLOCK = 8;  // steps between two fresh starts of the rotation
 typedef Real V __attribute__((vector_size(BYTES)));
 typedef std::conditional_t<sizeof(Real) == 8, std::int64_t, std::int32_t> Whole;
 typedef Whole I __attribute__((vector_size(BYTES)));

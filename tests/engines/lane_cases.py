@@ -66,7 +66,9 @@ def watched(**more: Any) -> Asked:
     """Every entry of a watch, a last window of each loop's own, and samples."""
     system = paper("fig4").system
     (level,), (x, y) = system.outputs["J"], system.outputs["position"]
-    watch = Watch((level, x * y), (x, y), (level, -x, -1 - x**2), ((x + 1) ** 2 + (y + 1) ** 2 - 1,))
+    watch = Watch(
+        (level, x * y), (x, y), (level, -x, -1 - x**2), ((x + 1) ** 2 + (y + 1) ** 2 - 1,)
+    )
     over = {"start.0": drawn(-1, 1, 3, 6), "start.1": drawn(-1, 1, 3, 7)}
     window = np.array([0.2, 0.7, 9.0])
     return asked(paper("fig4"), 2.0, over, watch=watch, window=window, samples=5, **more)

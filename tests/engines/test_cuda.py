@@ -104,6 +104,14 @@ def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidDescription, match=r"no NVIDIA GPU .* use device='cpu'"):
         cuda.integrate(asked)
 
+    def unlinked(*_: Any) -> Any:
+        raise RuntimeError('Failure finding "libnvrtc.so.13"')
+
+    monkeypatch.setattr(numba_cuda, "is_available", lambda: True)
+    monkeypatch.setattr(numba_cuda, "jit", unlinked)
+    with pytest.raises(InvalidDescription, match=r"pip install 'numba-cuda\[cu13\]'.*libnvrtc"):
+        cuda.integrate(asked)
+
 
 def kernel(asked: Asked) -> Kernel:
     step = program(asked.system, asked.swept, choosing.usual(asked), asked.watch)
@@ -135,7 +143,7 @@ def test_a_kernel_compiles_and_its_products_are_fused(assembled: Any) -> None:
 
 def test_single_precision_is_not_promoted(assembled: Any) -> None:
     """Only times and angles are doubles."""
-    text = assembled(kernel(lane_cases.watched(tol=1e-5, dtype="float32")))
+    text = assembled(kernel(lane_cases.watched(tol=1e-4, dtype="float32")))
     arithmetic = r"\b(?:add|sub|mul|div|fma)\.(?:rn\.)?"
     singles, doubles = (re.findall(rf"{arithmetic}{kind}", text) for kind in ("f32", "f64"))
     assert len(singles) > 200

@@ -34,7 +34,7 @@ def ensemble(
     keep: Sequence[str] = (),
     radius: float | None = None,
     samples: int | None = None,
-    tol: float = 1e-6,
+    tol: float | None = None,
     device: str = "cpu",
     dtype: str = "float64",
     threads: int | None = None,
@@ -79,7 +79,8 @@ def ensemble(
         How many equispaced times, 0 and `t_end` among them, trajectories are kept at; None for
         none.
     tol
-        Local error of each step, relative to 1 + |x|; at least 1e-5 in ``"float32"``.
+        Error at the end, relative to 1 + |x|: each step takes a tenth of it. None: 1e-6, in
+        ``"float32"`` 1e-4; there at least 1e-5.
     device
         ``"cpu"``, or ``"cuda"`` for an NVIDIA GPU.
     dtype

@@ -23,6 +23,9 @@ from .keeping import Finished, Keeping, keeping, last_periods, seen
 from .lanes import Lanes, checked_numbers, lanes
 from .streaming import Store
 
+USUAL: Final = {"float64": 1e-6, "float32": 1e-4}
+"""The tolerance where none is given."""
+
 FLOORS: Final = {"float64": 1e-13, "float32": 1e-5}
 """The smallest tolerance that each kind of number can hold."""
 
@@ -177,7 +180,7 @@ def _check_loops(loop: Loop, lanes: Lanes, several: list[int]) -> None:
 def _tolerance(tol: Any, dtype: Any) -> float:
     if not isinstance(dtype, str) or dtype not in FLOORS:
         raise InvalidDescription("dtype", 'must be "float64" or "float32"', shown(dtype))
-    tolerance, floor = positive("tol", tol), FLOORS[dtype]
+    tolerance, floor = positive("tol", USUAL[dtype] if tol is None else tol), FLOORS[dtype]
     if not floor <= tolerance < 0.1:
         raise InvalidDescription(
             "tol", f"must lie between {floor:g}, what {dtype} can hold, and 0.1", shown(tol)

@@ -30,8 +30,10 @@ PERIODS: Final = 120
 """How many dither periods the run lasts; a picture is taken after each of them."""
 MARGIN: Final = 500.0
 """How far from the edge of the data the vehicles start at least (m)."""
-CELL: Final = 150.0
+CELL: Final = 300.0
 """Side of the cells in which vehicles are counted (m)."""
+APART: Final = 150.0
+"""Vehicles that arrived in cells of this side that touch stand on the same summit (m)."""
 ARRIVED: Final = 5.0
 """What moves less than this over the last period has arrived (m)."""
 TOLERANCE: Final = 1e-5
@@ -61,7 +63,9 @@ def study(loops: int = LOOPS, *, progress: Progress | None = None) -> xarray.Dat
     count = counted(loops, LEAST)
     loop, grid = landscape()
     low, high = (np.array([line[end] for line in grid.axes]) for end in (0, -1))
-    edges = [np.arange(a, b + CELL, CELL) for a, b in zip(low, high, strict=True)]
+    fine, coarse = (
+        [np.arange(a, b + d, d) for a, b in zip(low, high, strict=True)] for d in (APART, CELL)
+    )
     start = np.random.default_rng(SEED).uniform(low + MARGIN, high - MARGIN, (count, 2))
     found = ensemble(
         loop,
@@ -74,7 +78,7 @@ def study(loops: int = LOOPS, *, progress: Progress | None = None) -> xarray.Dat
     )
     seen, mean = found.sampled_position.values, found.mean_position.values
     moved = np.linalg.norm(seen[:, -1] - seen[:, -2], axis=1)
-    summit, tops, sizes = gathered(mean, moved < ARRIVED, edges)
+    summit, tops, sizes = gathered(mean, moved < ARRIVED, fine)
     altitudes = loop.field.at(*tops.T)
     kept = xarray.Dataset(
         {
@@ -82,12 +86,12 @@ def study(loops: int = LOOPS, *, progress: Progress | None = None) -> xarray.Dat
             "position": found.mean_position,
             "outcome": found.outcome,
             "summit": ("vehicle", summit),
-            "vehicles": (("time", "y", "x"), _pictures(seen, edges)),
+            "vehicles": (("time", "y", "x"), _pictures(seen, coarse)),
             "summit_position": (("top", "axis"), tops, {"units": "m"}),
             "summit_altitude": ("top", altitudes, {"units": "m"}),
             "summit_vehicles": ("top", sizes),
         },
-        {"time": found.time, "axis": found.axis, **_middles(edges)},
+        {"time": found.time, "axis": found.axis, **_middles(coarse)},
         found.attrs,
     ).drop_vars(["start.0", "start.1"], errors="ignore")
     finding = (
@@ -137,36 +141,32 @@ def _middles(edges: list[Vector]) -> dict[str, Any]:
 
 
 def figure(found: xarray.Dataset) -> Figure:
-    """Draw where the vehicles are at the end, and how high those came that began at each place."""
-    drawn = empty_figure(found, 11.0, 5.9)
+    """Draw the summits reached, and how high those came that started at each place."""
+    drawn = empty_figure(found, 11.0, 5.7)
     left, right = drawn.subplots(1, 2, sharey=True)
-    _terrain(left)
-    cells = _cells(left, found)
-    cells.set_data(_shown(found.vehicles.values[-1]))
-    drawn.colorbar(cells, ax=left, shrink=0.85, label="vehicles in a cell of 150 m × 150 m")
-    for place, high, many in zip(
-        *(found.summit_position.values / 1000, found.summit_altitude.values),
-        found.summit_vehicles.values,
-        strict=True,
-    ):
-        if many >= NAMED * found.sizes["vehicle"]:
-            left.annotate(f"{high:.0f} m", place, (4, 4), textcoords="offset points", **LABEL)
+    for axes in (left, right):
+        _terrain(axes)
+    heights, many = found.summit_altitude.values, found.summit_vehicles.values
+    colours: dict[str, Any] = {"cmap": "viridis"}
+    if len(heights):
+        colours |= {"vmin": heights.min(), "vmax": heights.max()}
+    area = LARGEST * many / many.max(initial=1)
+    left.scatter(
+        *found.summit_position.values.T / 1000,
+        **{"s": area, "c": heights, "edgecolors": "black", "linewidths": 0.5, **colours},
+    )
     end = float(found.time[-1])
-    left.set_title(f"(a) after {end:.0f} s", loc="left", fontsize=10)
-    _terrain(right)
-    painted = _reached(right, found)
-    drawn.colorbar(painted, ax=right, shrink=0.85, label="altitude of the summit reached (m)")
-    right.set_title("(b) where those started that reached it", loc="left", fontsize=10)
+    left.set_title(f"(a) after {end:.0f} s: summits, area ∝ vehicles", loc="left", fontsize=10)
+    shown = {"extent": _extent(found), "origin": "lower", "interpolation": "none"}
+    painted = right.imshow(_reached(found), **shown, **colours, alpha=0.75)
+    right.set_title("(b) where they started", loc="left", fontsize=10)
     right.set_ylabel("")
+    drawn.colorbar(painted, ax=[left, right], shrink=0.85, label="altitude reached (m)")
     return drawn
 
 
-NAMED: Final = 0.02
-"""Share of the vehicles from which on a summit's altitude is written beside it."""
-LABEL: Final[dict[str, Any]] = {
-    "fontsize": 8,
-    "bbox": {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1},
-}
+LARGEST: Final = 120.0
+"""Area of the circle of the fullest summit (pt²)."""
 HEIGHTS: Final = 8
 
 
@@ -181,7 +181,8 @@ def _terrain(axes: Axes) -> None:
     extent = (x[0], x[-1], y[0], y[-1])
     axes.imshow(0.55 + 0.45 * shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent)
     axes.contour(x, y, grid.values.T, HEIGHTS, colors="black", linewidths=0.3, alpha=0.5)
-    axes.set(xlabel="$x$ (km)", ylabel="$y$ (km)", aspect="equal")
+    axes.set(xlabel="$x$ (km)", ylabel="$y$ (km)", aspect="equal", xlim=extent[:2], ylim=extent[2:])
+    axes.autoscale(enable=False)
 
 
 def _cells(axes: Axes, found: xarray.Dataset) -> Any:
@@ -211,18 +212,15 @@ def _extent(found: xarray.Dataset) -> tuple[float, float, float, float]:
     return left, right, bottom, top
 
 
-def _reached(axes: Axes, found: xarray.Dataset) -> Any:
-    """Draw the mean altitude reached from each cell; nothing where none has arrived."""
+def _reached(found: xarray.Dataset) -> Any:
+    """Return the mean altitude reached from each cell, masked where none has arrived."""
     arrived = found.summit.values >= 0
     x, y = found.start.values[arrived].T
     heights = found.summit_altitude.values[found.summit.values[arrived]]
     edges = [np.append(v - CELL / 2, v[-1] + CELL / 2) for v in (found.y.values, found.x.values)]
     count = np.histogram2d(y, x, edges)[0]
     total = np.histogram2d(y, x, edges, weights=heights)[0]
-    mean = np.ma.masked_invalid(np.divide(total, count, where=count > 0, out=total * np.nan))
-    return axes.imshow(
-        mean, extent=_extent(found), origin="lower", cmap="viridis", interpolation="none", alpha=0.8
-    )
+    return np.ma.masked_array(total / count.clip(1), count == 0)
 
 
 def animate(found: xarray.Dataset, path: Path, *, progress: Progress | None = None) -> None:
@@ -235,7 +233,7 @@ def animate(found: xarray.Dataset, path: Path, *, progress: Progress | None = No
     axes = drawn.add_subplot()
     _terrain(axes)
     cells = _cells(axes, found)
-    drawn.colorbar(cells, ax=axes, shrink=0.85, label="vehicles in a cell of 150 m × 150 m")
+    drawn.colorbar(cells, ax=axes, shrink=0.85, label="vehicles in a cell of 300 m × 300 m")
     canvas = FigureCanvasAgg(drawn)
 
     def picture(index: int) -> Image.Image:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -14,6 +15,8 @@ from ..requirements import each
 
 SCALES: Final = ("linear", "log")
 DISTRIBUTIONS: Final = ("uniform", "log-uniform", "normal")
+NAME: Final = re.compile(r"(?!_)[\w-]+(\.[\w-]+)*")
+"""What may name a folder of the store, and stand among others in one of its attributes."""
 FARTHEST: Final = 8.3
 """No number of 53 random bits lies farther out on a normal axis, in standard deviations."""
 DEEPEST: Final = 6.0
@@ -181,8 +184,8 @@ def as_axes(given: Any) -> Table:
 
 
 def _check_name(name: Any) -> None:
-    if not isinstance(name, str) or not name.replace(".", "_").replace("-", "_").isidentifier():
-        reason = "is no name for an axis: letters, digits, _, - and dots"
+    if not isinstance(name, str) or not NAME.fullmatch(name):
+        reason = "is no name for an axis: words of letters, digits, _ and -, with dots between them"
         raise InvalidDescription("", reason, shown(name))
 
 

@@ -45,7 +45,12 @@ def is_complete(store: Path, study: Study) -> bool:
     if attrs["format"] != FORMAT:
         reason = f"{store} has format {shown(attrs['format'])}, this version knows {FORMAT}"
         raise InvalidDescription("", f"{reason}; a newer version of extremum can go on with it")
-    there, here = _entries(attrs["study"]), _entries(format_study(study))
+    try:
+        there = _entries(attrs["study"])
+    except (tomllib.TOMLDecodeError, KeyError, TypeError):
+        reason = f"{store} does not say which study it holds; choose another name"
+        raise InvalidDescription("", reason) from None
+    here = _entries(format_study(study))
     for path in {**here, **there}:
         if there.get(path) != here.get(path):
             raise InvalidDescription(

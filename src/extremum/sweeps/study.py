@@ -20,7 +20,7 @@ MOST: Final = 10**10
 MOST_SOBOL: Final = 2**30
 MOST_HYPERCUBE: Final = 2**27
 PAPER: Final = "paper:"
-RESERVED: Final = frozenset(("loop", "jobs"))
+RESERVED: Final = frozenset(("loop", "jobs", "zarr.json"))
 """Names in a store that no axis may have, besides those of results."""
 
 

@@ -24,6 +24,8 @@ from .kernel import Kernel
 
 KEPT: Final = 64
 
+COMPILER: Final = "pip install 'numba-cuda[cu13]', or [cu12] for drivers before 580"
+
 THREADS: Final = 64
 """Of a block."""
 
@@ -64,8 +66,10 @@ def _missing() -> str | None:
 
 def _cause(cuda: Any) -> str:
     error = cuda.cuda_error()
-    if error is None:
-        return "NVIDIA's compiler library nvvm was not found; install the CUDA toolkit"
+    return f"NVIDIA's compiler was not found; {COMPILER}" if error is None else _line(error)
+
+
+def _line(error: object) -> str:
     return " ".join(str(error).split())
 
 
@@ -90,7 +94,13 @@ def _made(
 
     bits = 32 if dtype == "float32" else 64
     kernel = Kernel(program(system, swept, scheme, watch), swept, bits)
-    return Ready(kernel, cuda.jit(signature(kernel))(function(kernel)))
+    try:
+        return Ready(kernel, cuda.jit(signature(kernel))(function(kernel)))
+    except (RuntimeError, ImportError, OSError) as error:
+        reason = (
+            f"NVIDIA's compiler cannot be used; {COMPILER}, or use device='cpu' ({_line(error)})"
+        )
+        raise InvalidDescription("device", reason, "'cuda'") from error
 
 
 def signature(kernel: Kernel) -> Any:

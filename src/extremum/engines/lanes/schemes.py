@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from typing import Final
 
 from sympy import Expr, Symbol
@@ -108,21 +109,38 @@ class Taylor:
         inside = tape.subtract(part, begin)  # 0 before the window: no rounding of what is fused
         return tape.call("positive", inside, tape.subtract(whole, before), tape.constant(0.0))
 
-    def _looks(self, ground: Ground, series: Series) -> Iterator[tuple[int, int]]:
+    def _looks(self, ground: Ground, series: Series) -> list[tuple[int, int]]:
+        """Return equispaced places in the step and the values there."""
         tape = ground.tape
-        for look in range(LOOKS + 1):
-            theta = tape.multiply(tape.constant(look / LOOKS), ground.part)
-            yield theta, self._value(tape, series, theta)
+        fractions = (tape.constant(look / LOOKS) for look in range(LOOKS + 1))
+        places = [tape.multiply(fraction, ground.part) for fraction in fractions]
+        return [(theta, self._value(tape, series, theta)) for theta in places]
 
     def _largest(self, ground: Ground, series: Series) -> int:
-        values = [value for _, value in self._looks(ground, series)]
-        return reduce(lambda a, b: ground.tape.call("maximum", a, b), values)
+        """Return the largest value, at the looks or at the top of a parabola through three."""
+        tape, values = ground.tape, [value for _, value in self._looks(ground, series)]
+        tops = [_top(tape, *values[i : i + 3]) for i in range(len(values) - 2)]
+        return reduce(lambda a, b: tape.call("maximum", a, b), [*values, *tops])
 
     def _beyond(self, ground: Ground, series: Series) -> int:
-        tape, result = ground.tape, ground.tape.constant(-1.0)
-        for theta, value in self._looks(ground, series):
-            result = tape.call("positive", value, theta, result)
-        return result
+        """Return the last look at which e > 0, or where it crosses 0 before the next."""
+        tape, looks = ground.tape, self._looks(ground, series)
+        result = tape.constant(-1.0)
+        for (theta, value), (after, then) in pairwise(looks):
+            share = tape.divide(value, tape.subtract(value, then))
+            crossing = tape.add(theta, tape.multiply(tape.subtract(after, theta), share))
+            inside = tape.call("positive", then, after, crossing)
+            result = tape.call("positive", value, inside, result)
+        return tape.call("positive", looks[-1][1], looks[-1][0], result)
+
+
+def _top(tape: Tape, before: int, value: int, after: int) -> int:
+    """Return the top of the parabola through three equispaced values if it is among them."""
+    slope = tape.multiply(tape.constant(0.5), tape.subtract(after, before))
+    bend = tape.subtract(tape.add(value, value), tape.add(before, after))
+    rise = tape.divide(tape.multiply(slope, slope), tape.add(bend, bend))
+    steep = tape.subtract(bend, tape.call("absolute", slope))
+    return tape.call("positive", steep, tape.add(value, rise), value)
 
 
 def _coefficient(ground: Ground, rates: Sequence[Series], index: int, k: int) -> int:

@@ -49,9 +49,9 @@ def has(feature: str) -> bool:
 
 def _object(text: str) -> bytes:
     """Return the object code, from disk if it was made before on such a processor."""
-    kept = _folder() / f"{_key(text)}.o"
+    name = f"{_key(text)}.o"
     try:
-        whole = kept.read_bytes()
+        whole = (_folder() / name).read_bytes()
         if hashlib.sha256(whole[_DIGEST:]).digest() == whole[:_DIGEST]:
             return whole[_DIGEST:]
     except OSError:
@@ -61,17 +61,18 @@ def _object(text: str) -> bytes:
     module = llvm.parse_assembly(text)
     module.triple = _machine().triple
     code = _machine().emit_object(module)
-    _keep(kept, hashlib.sha256(code).digest() + code)
+    _keep(name, hashlib.sha256(code).digest() + code)
     return code
 
 
-def _keep(path: Path, content: bytes) -> None:
+def _keep(name: str, content: bytes) -> None:
     try:
+        path = _folder() / name
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent)
+        handle, written = tempfile.mkstemp(dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-        Path(name).replace(path)
+        Path(written).replace(path)
     except OSError:
         pass  # a folder that cannot be written costs time, nothing else
 
@@ -85,7 +86,10 @@ def _key(text: str) -> str:
 
 
 def _folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    try:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    except RuntimeError as error:
+        raise FileNotFoundError("the user has no home") from error
     return Path(base) / "extremum"
 
 

@@ -21,7 +21,8 @@ SHORTEST: Final = 2.0**-24
 """Steps shorter than this, in units of H, go nowhere: the solution ends there."""
 
 LAST: Final = 1.5
-"""A step of length 1 is the last one if less than this is left: t_end/H is whole but for rounding."""
+"""A step of length 1 is the last one if less than this is left: t_end/H is whole but for
+rounding."""
 
 TWO_PI: Final = (6.283185307179586, 2.4492935982947064e-16)
 
@@ -31,7 +32,8 @@ ARGUMENTS: Final = (
 )
 """Tolerance; t_end; the parameters; rows of what varies, `stride` loops each; rows of what is left
 at the end; states kept at the beginning of every segment and at the end, or null; tables of
-gridded fields; a number that stops the run when it is not 0; how many vectors of loops, and segments of the run."""
+gridded fields; a number that stops the run when it is not 0; `stride`; how many vectors of loops,
+and how many segments of the run."""
 
 TIMES: Final = ("mean", "last", "beyond")
 """Rows of what is left that are in units of H while a loop runs, and in s afterwards."""
@@ -86,7 +88,8 @@ class Kernel:
             if self.tape.rate(value) == UNIFORM and value not in given:
                 self.single[value] = self._uniform(value)
         for place, value in enumerate(layout.uniform):
-            self._store(self._narrowed(self.single[value], plain), self._shared(place), plain)
+            number = self._narrowed(self.single[value], plain)
+            plain.line(f"store {self.vector.element} {number}, ptr {self._shared(place)}, align 4")
         flow = self.flow
         more = flow.whole("add", "%vectors", layout.vectors - 1)
         plain.line(f"%blocks = udiv i64 {more}, {layout.vectors}")
@@ -103,15 +106,13 @@ class Kernel:
         align = align or emitter.width * emitter.bits // 8
         return emitter.value(f"load {emitter.type}, ptr {address}, align {align}")
 
-    def _store(self, value: str, address: str, emitter: Emitter, align: int = 0) -> None:
-        kind = self.vector.element if emitter is self.plain else emitter.type
-        emitter.line(f"store {kind} {value}, ptr {address}, align {align or 4}")
+    def _store(self, value: str, address: str, emitter: Emitter) -> None:
+        emitter.line(f"store {emitter.type} {value}, ptr {address}, align 4")
 
     def _put(self, value: str, address: str, emitter: Emitter) -> None:
         """Store a vector where vectors are aligned."""
-        emitter.line(
-            f"store {emitter.type} {value}, ptr {address}, align {emitter.width * emitter.bits // 8}"
-        )
+        align = emitter.width * emitter.bits // 8
+        emitter.line(f"store {emitter.type} {value}, ptr {address}, align {align}")
 
     def _shared(self, place: int) -> str:
         return self.flow.at("%u", place, self.vector.element)
