@@ -124,7 +124,8 @@ def precision() -> Any:
         for candidate, style in _schemes(problem):
             errors, speeds = zip(*_points(candidate, problem), strict=True)
             axes.loglog(errors, speeds, label=candidate.title, **style)
-            at = np.exp(np.interp(np.log(LEVELS), np.log(errors[::-1]), np.log(speeds[::-1])))
+            known = (np.log(errors[::-1]), np.log(speeds[::-1]))
+            at = np.exp(np.interp(np.log(LEVELS), *known, left=np.nan, right=np.nan))
             print(problem.name, candidate.title, *(f"{s:.3g} loops/s" for s in at), sep="; ")
         for level in LEVELS:
             axes.axvline(level, color="0.5", linewidth=0.5)

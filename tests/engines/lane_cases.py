@@ -102,6 +102,17 @@ def escaping() -> Asked:
     return asked(paper("fig4"), 2.0, over, watch=watch, window=np.full(3, 0.5), samples=7)
 
 
+def alone() -> Asked:
+    """Nothing varies."""
+    loop = paper("fig4")
+    return Asked(loop.system, loop.values, (), np.empty((0, 1)), 1.0)
+
+
+def calm() -> Asked:
+    """No dither, so no period to measure steps by."""
+    return Asked(system("-a*x"), np.zeros(3), (0,), np.array([[1.0, 2.0]]), 1.5)
+
+
 def functions(**more: Any) -> Asked:
     """All functions, their series included, of what stays within their domains."""
     columns = np.array([[0.3, 0.5, 0.7]])
@@ -125,6 +136,8 @@ CASES: dict[str, Callable[[], tuple[Asked, Scheme | None]]] = {
     "moving": lambda: (moving(), None),
     "wavy": lambda: (wavy(), None),
     "escaping": lambda: (escaping(), None),
+    "alone": lambda: (alone(), None),
+    "calm": lambda: (calm(), None),
     "functions": lambda: (functions(), None),
     "functions, float32": lambda: (functions(tol=1e-5, dtype="float32"), None),
 }

@@ -35,7 +35,7 @@ def function(name: str, library: Any) -> Callable[..., Any]:
         "add": operator.add,
         "subtract": operator.sub,
         "multiply": operator.mul,
-        "divide": operator.truediv,
+        "divide": lambda a, b: a / b if b else a * math.inf,
         "negative": operator.neg,
         "absolute": abs,
         "maximum": max,

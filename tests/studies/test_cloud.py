@@ -32,7 +32,7 @@ def averaged(places: np.ndarray) -> np.ndarray:
 def inside(places: np.ndarray, margin: float) -> np.ndarray:
     _, grid = cloud.landscape()
     low, high = (np.array([line[end] for line in grid.axes]) for end in (0, -1))
-    return ((places > low + margin) & (places < high - margin)).all(axis=1)
+    return np.all((places > low + margin) & (places < high - margin), axis=1)
 
 
 def test_vehicles_come_to_rest_on_summits_of_the_landscape_averaged_over_the_dither(found):
@@ -89,6 +89,8 @@ def test_the_figure_and_the_animation_are_written(found, tmp_path):
     done = []
     cloud.animate(found.isel(time=slice(0, 4)), tmp_path / "cloud.gif", progress=done.append)
     with Image.open(tmp_path / "cloud.gif") as film:
-        assert film.n_frames == 4
+        film.seek(3)
+        with pytest.raises(EOFError):
+            film.seek(4)
         assert film.size == (640, 620)
     assert done[-1] == 1.0

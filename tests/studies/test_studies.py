@@ -43,7 +43,10 @@ def test_each_start_does_what_a_single_run_does(starts):
 def test_the_basin_is_mirrored_at_the_source_where_the_dither_is_half_a_turn_later(
     starts, monkeypatch
 ):
-    turned = {"controller.channels.0.dither.phase": pi, "controller.channels.1.dither.phase": pi / 2}
+    turned = {
+        "controller.channels.0.dither.phase": pi,
+        "controller.channels.1.dither.phase": pi / 2,
+    }
     scenario = zhang2007.scenario("fig4").replace(
         {f"loop.{path}": value for path, value in turned.items()}
     )
@@ -66,9 +69,9 @@ def test_the_whole_boundary_of_the_basin_is_seen_but_where_it_leaves_below(start
 @pytest.fixture(scope="module")
 def maps():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(gain_frequency, "NODES", 8)
+        patch.setattr(gain_frequency, "NODES", 6)
         patch.setattr(gain_frequency, "GAINS", (0.7, 100.0))
-        yield gain_frequency.study(6 * 20**2)
+        yield gain_frequency.study(6 * 16**2)
 
 
 def test_simulation_converges_where_the_multipliers_are_inside_the_unit_circle(maps):
@@ -76,7 +79,7 @@ def test_simulation_converges_where_the_multipliers_are_inside_the_unit_circle(m
     agree = maps.converged.isel(offset=0) == (maps.exponent < 0)
     for scheme in gain_frequency.SCHEMES:
         assert agree.where(sure, drop=True).sel(scheme=scheme).mean() >= 0.99
-        assert sure.sel(scheme=scheme).mean() > 0.9
+        assert sure.sel(scheme=scheme).mean() > 0.85
     for scheme in ("force", "unstable"):
         stable = (maps.exponent < 0).sel(scheme=scheme).where(sure.sel(scheme=scheme))
         assert 0.1 < stable.mean() < 0.9

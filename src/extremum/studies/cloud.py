@@ -26,16 +26,17 @@ Vector = NDArray[np.float64]
 TITLE: Final = "Vehicles that sense only the altitude under them, on a real landscape"
 LOOPS: Final = 100_000
 LEAST: Final = 1
-PERIODS: Final = 120
-"""How many dither periods the run lasts; a picture is taken after each of them."""
+PICTURES: Final = 120
+EVERY: Final = 2
+"""How many dither periods are between two pictures."""
 MARGIN: Final = 500.0
 """How far from the edge of the data the vehicles start at least (m)."""
 CELL: Final = 300.0
 """Side of the cells in which vehicles are counted (m)."""
 APART: Final = 150.0
 """Vehicles that arrived in cells of this side that touch stand on the same summit (m)."""
-ARRIVED: Final = 5.0
-"""What moves less than this over the last period has arrived (m)."""
+ARRIVED: Final = 0.5
+"""What moves less than this between the last two pictures has arrived (m)."""
 TOLERANCE: Final = 1e-5
 SEED: Final = 2007
 
@@ -69,10 +70,10 @@ def study(loops: int = LOOPS, *, progress: Progress | None = None) -> xarray.Dat
     start = np.random.default_rng(SEED).uniform(low + MARGIN, high - MARGIN, (count, 2))
     found = ensemble(
         loop,
-        PERIODS * 2 * pi / float(loop.controller.base()),
+        PICTURES * EVERY * 2 * pi / float(loop.controller.base()),
         over={f"start.{i}": xarray.DataArray(start[:, i], dims="vehicle") for i in (0, 1)},
         keep=("mean_position",),
-        samples=PERIODS + 1,
+        samples=PICTURES + 1,
         tol=TOLERANCE,
         progress=progress,
     )
@@ -165,6 +166,7 @@ def figure(found: xarray.Dataset) -> Figure:
     return drawn
 
 
+DENSITY: Final = "plasma"
 LARGEST: Final = 120.0
 """Area of the circle of the fullest summit (pt²)."""
 HEIGHTS: Final = 8
@@ -193,7 +195,8 @@ def _cells(axes: Axes, found: xarray.Dataset) -> Any:
         _shown(found.vehicles.values[0]),
         extent=_extent(found),
         origin="lower",
-        cmap="plasma",
+        cmap=DENSITY,
+        zorder=3,
         norm=LogNorm(1, most),
         interpolation="none",
     )
@@ -223,8 +226,20 @@ def _reached(found: xarray.Dataset) -> Any:
     return np.ma.masked_array(total / count.clip(1), count == 0)
 
 
+def _palette() -> Any:
+    """Return an image with the colours of the pictures: the density's and greys."""
+    from matplotlib import colormaps
+    from PIL import Image
+
+    density = colormaps[DENSITY](np.linspace(0, 1, 128))[:, :3]
+    greys = np.linspace(0, 1, 127)[:, None] * np.ones(3)
+    image = Image.new("P", (1, 1))
+    image.putpalette((255 * np.concatenate([density, greys])).round().astype(int).ravel().tolist())
+    return image
+
+
 def animate(found: xarray.Dataset, path: Path, *, progress: Progress | None = None) -> None:
-    """Write the cloud as a GIF: a picture after each dither period, so that only its mean moves."""
+    """Write the cloud as a GIF, its pictures whole dither periods apart: only the means move."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -246,7 +261,7 @@ def animate(found: xarray.Dataset, path: Path, *, progress: Progress | None = No
 
     picture(0)
     drawn.set_layout_engine("none")
-    palette = picture(found.sizes["time"] // 4).quantize(255)
+    palette = _palette()
     frames = (
         picture(k).quantize(palette=palette, dither=Image.Dither.NONE)
         for k in range(found.sizes["time"])

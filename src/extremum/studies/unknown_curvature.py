@@ -195,7 +195,7 @@ def _plane(axes: Axes, found: xarray.Dataset) -> None:
     nominal = np.sqrt(np.prod(ends, axis=1))
     axes.plot(*nominal, linestyle="", label="the scenario's curvatures", **STAR)
     axes.set(xscale="log", yscale="log", xlabel="$q_x$ (1/m²)", ylabel="$q_y$ (1/m²)")
-    axes.legend(fontsize=8, loc="center right", framealpha=1)
+    axes.legend(fontsize=8, loc="upper right", framealpha=1)
 
 
 def _shares(axes: Axes, edges: Vector, fates: list[NDArray[Any]]) -> None:

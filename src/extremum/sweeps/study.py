@@ -61,7 +61,14 @@ class Sweep(Description):
     samples: int | None = structure(
         "positions and J kept along the way", default=None, converter=whole(2)
     )
-    tol: float = value("tol", "1", "largest error of a step", default=1e-6, positive=True)
+    tol: float | None = value(
+        "tol",
+        "1",
+        "error at the end; 1e-6, in float32 1e-4",
+        default=None,
+        positive=True,
+        literal=is_none,
+    )
     dtype: str = structure(
         "float64 or float32", default="float64", converter=choice("float64", "float32")
     )

@@ -6,16 +6,15 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Final
 
+from ..lanes.frame import HUGE, LAST, SHORTEST, TAIL, TIMES, TWO_PI, Frame
 from ..lanes.program import Program
 from ..lanes.tape import LOOP, STEP, UNIFORM
-from ..simd.kernel import HUGE, LAST, SHORTEST, TAIL, TIMES, TWO_PI
-from ..simd.layout import Layout
 from .printing import Statements
 
 ARGUMENTS: Final = "end, segments, wide, given, columns, out, kept"
 """t_end (s); segments of the run; what is the same for all loops, in double precision and in that
 of the states; rows of what varies; rows of what is left at the end; states at the beginning of
-every segment and at the end, (segments + 1, states, n), or empty."""
+every segment and at the end, (segments + 1, states, n), or a single number where none are kept."""
 
 ROUNDING: Final = 1.5 * 2.0**52
 """Added to a number and taken away again, it leaves the nearest whole number."""
@@ -38,7 +37,7 @@ class Kernel:
 
     def __init__(self, program: Program, swept: Sequence[int], bits: int) -> None:
         self.program, self.tape, self.bits = program, program.tape, bits
-        self.layout = Layout(program, tuple(swept), 1, bits)
+        self.frame = Frame(program, tuple(swept))
         self.first = Statements(self.tape, "w", 64)
         self.step = Statements(self.tape, "v", bits)
         self.number = self.step.number
@@ -47,13 +46,13 @@ class Kernel:
         used |= {*program.start, program.unit, *program.angles}
         self.wide = [v for v in sorted(used) if tape.rate(v) == UNIFORM and tape.known(v) is None]
         self.first.known |= {value: f"wide{value}" for value in self.wide}
-        self.given = self.layout.uniform
+        self.given = self.frame.uniform
         self.step.known |= {value: f"given{value}" for value in self.given}
 
     def _begun(self) -> list[int]:
         """Return what varies with the loop only, in order."""
         program = self.program
-        wanted = [*self.layout.constants, *program.start, program.unit, *program.angles]
+        wanted = [*self.frame.constants, *program.start, program.unit, *program.angles]
         return [v for v in self.tape.needed(wanted) if self.tape.rate(v) == LOOP]
 
     @cached_property
@@ -76,13 +75,13 @@ class Kernel:
                     *begun,
                     "time, steps, alive = 0.0, 0, True",
                     "for segment in range(segments):",
-                    "    if kept.shape[0] > 0:",
+                    "    if kept.shape[0] > 1:",
                     *_indented(*(line.format("segment") for line in kept), depth=2),
                     "    if alive:",
                     "        until = end * ((segment + 1) / segments) / unit",
                     "        while time < until:",
                     *_indented(*step, depth=3),
-                    "if kept.shape[0] > 0:",
+                    "if kept.shape[0] > 1:",
                     *_indented(*(line.format("segments") for line in kept)),
                     *self._finish(),
                 ),
@@ -91,27 +90,27 @@ class Kernel:
 
     def _begin(self) -> list[str]:
         """Compute what varies with the loop only, and how it starts."""
-        tape, program, layout, lines = self.tape, self.program, self.layout, []
+        tape, program, frame, lines = self.tape, self.program, self.frame, []
         for value in self._begun():
             operation = tape.operations[value]
             leaf = (operation.name, int(operation.number))
-            if not operation.operands and leaf in layout.columns:
+            if not operation.operands and leaf in frame.columns:
                 self.first.known[value] = f"w{value}"
-                lines.append(f"w{value} = columns[{layout.columns[leaf]}, lane]")
+                lines.append(f"w{value} = columns[{frame.columns[leaf]}, lane]")
             else:
                 lines += self.first.computed([value])
-        for value in layout.constants:
+        for value in frame.constants:
             self.step.known[value] = f"c{value}"
             lines.append(f"c{value} = {self.number}({self.first.name(value)})")
         lines.append(f"unit = {self.first.name(program.unit)}")
         for i, value in enumerate(program.angles):
             lines.append(f"angle{i} = {self.first.name(value)}")
         if program.step.last:
-            row = layout.columns["begin", 0]
+            row = frame.columns["begin", 0]
             lines.append(f"begin = columns[{row}, lane] / unit")
         for i, value in enumerate(program.start):
             lines.append(f"x{i} = {self.number}({self.first.name(value)})")
-        for name in layout.left[1:]:
+        for name in frame.left[1:]:
             if not name.startswith("state"):
                 begun = -HUGE[self.bits] if name.startswith("maximum") else 0.0
                 lines.append(f"{_variable(name)} = {self.step.literal(begun)}")
@@ -157,7 +156,7 @@ class Kernel:
     def _leaves(self) -> list[str]:
         """Name what a step begins with: states, time, sines and cosines."""
         lines: list[str] = []
-        for value in self.layout.inside:
+        for value in self.frame.inside:
             operation = self.tape.operations[value]
             index = int(operation.number)
             if operation.operands:
@@ -216,7 +215,7 @@ class Kernel:
 
     def _finish(self) -> list[str]:
         rows: list[str] = []
-        for name in self.layout.left:
+        for name in self.frame.left:
             row = f"float64({_variable(name)})"
             rows.append(f"{row} * unit" if name.startswith(TIMES) else row)
         rows += ["time * unit", "1.0 if alive else 0.0"]
@@ -225,7 +224,7 @@ class Kernel:
     @property
     def names(self) -> tuple[str, ...]:
         """The rows of what is left at the end."""
-        return (*self.layout.left, *TAIL)
+        return (*self.frame.left, *TAIL)
 
 
 def _variable(name: str) -> str:

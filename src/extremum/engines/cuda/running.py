@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import threading
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -18,11 +16,10 @@ from ...system import System
 from ..lanes import choosing, rows
 from ..lanes.asked import Asked, Ended
 from ..lanes.evaluation import evaluated
+from ..lanes.kernels import Kernels
 from ..lanes.program import Scheme, program
 from ..lanes.watch import Watch
 from .kernel import Kernel
-
-KEPT: Final = 64
 
 COMPILER: Final = "pip install 'numba-cuda[cu13]', or [cu12] for drivers before 580"
 
@@ -42,10 +39,6 @@ class Ready:
 
     kernel: Kernel
     run: Any
-
-
-_KERNELS: OrderedDict[Any, Ready] = OrderedDict()
-_LOCK: Final = threading.Lock()
 
 
 def available() -> bool:
@@ -73,20 +66,6 @@ def _line(error: object) -> str:
     return " ".join(str(error).split())
 
 
-def ready(
-    system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
-) -> Ready:
-    """Return the kernel of a structure, compiled now if it is not kept."""
-    key = (system, swept, scheme, watch, dtype)
-    with _LOCK:
-        if key not in _KERNELS:
-            while len(_KERNELS) >= KEPT:
-                _KERNELS.popitem(last=False)
-            _KERNELS[key] = _made(*key)
-        _KERNELS.move_to_end(key)
-        return _KERNELS[key]
-
-
 def _made(
     system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
 ) -> Ready:
@@ -101,6 +80,9 @@ def _made(
             f"NVIDIA's compiler cannot be used; {COMPILER}, or use device='cpu' ({_line(error)})"
         )
         raise InvalidDescription("device", reason, "'cuda'") from error
+
+
+KERNELS: Final = Kernels(_made)
 
 
 def signature(kernel: Kernel) -> Any:
@@ -147,7 +129,7 @@ def integrate(
     """
     _check(asked)
     scheme = choosing.usual(asked) if scheme is None else scheme
-    made = ready(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
+    made = KERNELS.get(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
     work = _Work(made, asked)
     for begin, end in work.pieces():
         work.run(begin, end)
@@ -171,7 +153,8 @@ class _Work:
     def __init__(self, ready: Ready, asked: Asked) -> None:
         self.ready, self.asked = ready, asked
         kernel, count = ready.kernel, asked.count
-        self.columns = rows.given(asked, kernel.layout.columns)
+        given = rows.given(asked, kernel.frame.columns)
+        self.columns = given if len(given) else np.empty((1, count))
         self.out = np.empty((len(kernel.names), count))
         states = len(asked.system.states)
         self.samples = np.empty((asked.samples, states, count), dtype=asked.dtype)
@@ -180,7 +163,8 @@ class _Work:
         found = evaluated(kernel.tape, [*kernel.wide, *kernel.given], leaves)
         self.wide = tuple(found[value] for value in kernel.wide) or (np.float64(0),)
         number = np.dtype(asked.dtype).type
-        self.given = tuple(number(found[value]) for value in kernel.given) or (number(0),)
+        with np.errstate(over="ignore"):
+            self.given = tuple(number(found[value]) for value in kernel.given) or (number(0),)
 
     def pieces(self) -> Iterator[tuple[int, int]]:
         """Return where the pieces begin and end."""
@@ -195,8 +179,8 @@ class _Work:
 
         asked, part = self.asked, slice(begin, end)
         columns = cuda.to_device(np.ascontiguousarray(self.columns[:, part]))
+        shape = (*self.samples.shape[:2], end - begin) if asked.samples else (1, 1, 1)
         out = cuda.device_array((len(self.out), end - begin))
-        shape = (*self.samples.shape[:2], end - begin)
         number: Any = self.samples.dtype
         kept = cuda.device_array(shape, number)
         blocks = -(-(end - begin) // THREADS)

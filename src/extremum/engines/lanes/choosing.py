@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...system import System
+from ...system import Compiled, System
 from .asked import Asked, Numbers
 from .schemes import RK4, RungeKutta, Taylor
 
@@ -22,6 +23,9 @@ FINEST: Final = {"float64": 0.0, "float32": 1e-5}
 
 STEEP: Final = 1e3
 """Growth per radian of the dither beyond which a loop that came to no end has escaped."""
+
+AHEAD: Final = (1e-6, 1e-4, 1e-2)
+"""Radians of the dither, straight on, within which a field that ends is found to end."""
 
 HUGE: Final = {"float64": 1e90, "float32": 1e9}
 """A state beyond which a loop that came to no end has escaped."""
@@ -45,14 +49,22 @@ def numbers(asked: Asked, part: slice = slice(None)) -> list[Any]:
 
 def fastest(asked: Asked) -> Numbers:
     """Return every loop's fastest dither frequency (rad/s), 1 without a dither."""
+    if not asked.system.carriers:
+        return np.ones(asked.count)
+    found = [np.broadcast_to(f, asked.count) for f in _carriers(asked.system)(numbers(asked))]
+    return np.abs(np.array(found, dtype=float)).max(axis=0)
+
+
+@lru_cache(maxsize=64)
+def _carriers(system: System) -> Compiled:
     import sympy
 
-    system = asked.system
-    if not system.carriers:
-        return np.ones(asked.count)
-    frequencies = sympy.lambdify([list(system.symbols)], list(system.carriers), "numpy")
-    found = [np.broadcast_to(f, asked.count) for f in frequencies(numbers(asked))]
-    return np.abs(np.array(found, dtype=float)).max(axis=0)
+    return sympy.lambdify([list(system.symbols)], list(system.carriers), "numpy", dummify=True)
+
+
+@lru_cache(maxsize=64)
+def _vector_rates(system: System) -> Compiled:
+    return system.function(system.rhs, vector=True)
 
 
 def lengths(asked: Asked) -> Numbers:
@@ -73,7 +85,7 @@ def outcomes(
     """Return 0 for loops that came to the end, 1 for those that escaped, 2 for the others.
 
     A loop that came to no end has escaped if a state is huge, or grows by `STEEP` of itself within
-    a radian of the dither; otherwise its field has no value further on.
+    a radian of the dither, or if the field has values further on (`AHEAD`).
     """
     found = np.zeros(asked.count, dtype=np.int8)
     broken = np.flatnonzero(~completed)
@@ -85,8 +97,15 @@ def outcomes(
     if not asked.system.guards:
         rates = _rates(asked.system, asked, broken, times[broken], there)
         limit = STEEP * (1 + size) * fastest(asked)[broken]
-        with np.errstate(invalid="ignore"):
-            escaped |= (np.abs(rates) >= limit).any(axis=0) & ~np.isnan(rates).any(axis=0)
+        with np.errstate(invalid="ignore", over="ignore"):
+            steep = (np.abs(rates) >= limit).any(axis=0)
+            known = ~np.isnan(rates).any(axis=0)
+            further = known.copy()
+            for part in AHEAD:
+                length = part / fastest(asked)[broken]
+                later, beyond = times[broken] + length, there + length * rates
+                further &= ~np.isnan(_rates(asked.system, asked, broken, later, beyond)).any(axis=0)
+            escaped |= known & (steep | further)
     found[broken] = np.where(escaped, 1, 2)
     return found
 
@@ -100,5 +119,5 @@ def _rates(
 ) -> NDArray[np.float64]:
     values = [v[loops] if isinstance(v, np.ndarray) else v for v in numbers(asked)]
     with np.errstate(all="ignore"):
-        rates = system.function(system.rhs, vector=True)(times, list(states), values)
+        rates = _vector_rates(system)(times, list(states), values)
     return np.array([np.broadcast_to(rate, times.shape) for rate in rates], dtype=float)

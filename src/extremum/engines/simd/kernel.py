@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
+from ..lanes.frame import HUGE, LAST, SHORTEST, TIMES, TWO_PI
 from ..lanes.program import Program
 from ..lanes.tape import LOOP, UNIFORM
 from .emitter import Emitter
@@ -13,18 +14,6 @@ from .flow import Flow
 from .layout import Layout
 from .mathematics import sincos
 from .printing import Names, printed, spread
-
-HUGE: Final = {64: 1e100, 32: 1e18}
-"""A state beyond this has escaped; its square is still a number."""
-
-SHORTEST: Final = 2.0**-24
-"""Steps shorter than this, in units of H, go nowhere: the solution ends there."""
-
-LAST: Final = 1.5
-"""A step of length 1 is the last one if less than this is left: t_end/H is whole but for
-rounding."""
-
-TWO_PI: Final = (6.283185307179586, 2.4492935982947064e-16)
 
 ARGUMENTS: Final = (
     "double %tol, double %end, ptr %values, ptr %columns, ptr %out, ptr %kept, ptr %tables, "
@@ -34,12 +23,6 @@ ARGUMENTS: Final = (
 at the end; states kept at the beginning of every segment and at the end, or null; tables of
 gridded fields; a number that stops the run when it is not 0; `stride`; how many vectors of loops,
 and how many segments of the run."""
-
-TIMES: Final = ("mean", "last", "beyond")
-"""Rows of what is left that are in units of H while a loop runs, and in s afterwards."""
-
-TAIL: Final = ("time", "completed")
-"""The last rows of what is left at the end: t (s), and 1 where it is t_end."""
 
 
 class Kernel:

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import ctypes
-import threading
-from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...system import System
-from ..lanes import choosing
+from ..lanes import choosing, rows
 from ..lanes.asked import Asked, Ended
+from ..lanes.frame import TAIL
+from ..lanes.kernels import Kernels
 from ..lanes.program import Program, Scheme, program
 from ..lanes.watch import Watch
 from .compiling import Compiled, has
-from .kernel import TAIL, Kernel
+from .kernel import Kernel
 from .layout import Layout
 from .tables import packed, readers
 
-KEPT: Final = 64
 CODE: Final = 36 * 1024
 """Bytes of an object file whose loop still fits the first-level cache."""
 
@@ -33,7 +31,6 @@ PIECE: Final = 4096
 """Loops of a piece of work; between two of them Ctrl-C is noticed."""
 
 _SIGNATURE: Final = (*[ctypes.c_double] * 2, *[ctypes.c_void_p] * 6, *[ctypes.c_int64] * 3)
-_LOCK: Final = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -46,24 +43,7 @@ class Ready:
     flops: float
 
 
-_KERNELS: OrderedDict[Any, Ready] = OrderedDict()
-
-
-def ready(
-    system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
-) -> Ready:
-    """Return the kernel of a structure, compiled now if it is not kept."""
-    key = (system, swept, scheme, watch, dtype)
-    with _LOCK:
-        if key not in _KERNELS:
-            while len(_KERNELS) >= KEPT:
-                _KERNELS.popitem(last=False)
-            _KERNELS[key] = _compiled(*key)
-        _KERNELS.move_to_end(key)
-        return _KERNELS[key]
-
-
-def _compiled(
+def compiled(
     system: System, swept: tuple[int, ...], scheme: Scheme, watch: Watch, dtype: str
 ) -> Ready:
     """Compile for the widest vectors whose code stays in the first-level cache.
@@ -80,6 +60,9 @@ def _compiled(
         if code.size <= CODE or width == register:
             return Ready(step, kernel.layout, code.function("run", *_SIGNATURE), kernel.flops)
         width //= 2
+
+
+KERNELS: Final = Kernels(compiled)
 
 
 def integrate(
@@ -105,7 +88,7 @@ def integrate(
         Taylor's method of an order that fits the tolerance if left out, RK4 for tables.
     """
     scheme = choosing.usual(asked) if scheme is None else scheme
-    kernel = ready(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
+    kernel = KERNELS.get(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
     work = _Work(kernel, asked)
     starts = range(0, work.stride, PIECE)
     with ThreadPoolExecutor(threads) as pool:
@@ -130,10 +113,8 @@ class _Work:
         layout = kernel.layout
         width, count = layout.width, asked.count
         self.stride = -(-count // width) * width
-        self.columns = np.empty((len(layout.columns), self.stride))
-        for (name, _), row in layout.columns.items():
-            self.columns[row, :count] = self._column(name, row)
-        self.columns[:, count:] = self.columns[:, count - 1 : count]
+        given = rows.given(asked, layout.columns)
+        self.columns = np.pad(given, ((0, 0), (0, self.stride - count)), mode="edge")
         self.out = np.empty((len(layout.left) + len(TAIL), self.stride))
         number = np.float32 if layout.bits == 32 else np.float64
         states = len(asked.system.states)
@@ -141,18 +122,6 @@ class _Work:
         self.stop = np.zeros(1, dtype=np.int64)
         self.tables = packed(asked.system, asked.dtype)
         self.values = np.ascontiguousarray(asked.values, dtype=float)
-
-    def _column(self, name: str, row: int) -> Any:
-        asked = self.asked
-        if name == "value":
-            return asked.columns[row]
-        if name == "length":
-            return choosing.lengths(asked)
-        return asked.t_end - self._window()
-
-    def _window(self) -> Any:
-        assert self.asked.window is not None
-        return np.minimum(self.asked.window, self.asked.t_end)
 
     def run(self, start: int) -> None:
         """Run the loops of the piece that begins here."""
@@ -175,31 +144,7 @@ class _Work:
 
     def ended(self, scheme: Scheme) -> Ended:
         """Return what became of the loops."""
-        asked, count = self.asked, self.asked.count
-        names = (*self.kernel.layout.left, *TAIL)
-        rows = {name: self.out[row, :count] for row, name in enumerate(names)}
-
-        def block(name: str) -> NDArray[Any]:
-            found = [row for key, row in rows.items() if key.split()[0] == name]
-            return np.array(found).reshape(len(found), count)
-
-        states = block("state").astype(self.samples.dtype)
-        completed, times = rows["completed"] == 1, rows["time"].copy()
-        times[completed] = asked.t_end
-        last = block("last")
-        if len(last):
-            last = np.where(completed, last / self._window(), np.nan)
-        with np.errstate(invalid="ignore"):
-            mean = block("mean") / times
-        return Ended(
-            states=states,
-            outcome=choosing.outcomes(asked, completed, times, states),
-            end_time=times,
-            mean=mean,
-            last_mean=last,
-            maxima=block("maximum"),
-            beyond=block("beyond"),
-            samples=self.samples[:, :, :count],
-            steps=rows["steps"].astype(np.int64),
-            scheme=scheme.name,
+        names, count = (*self.kernel.layout.left, *TAIL), self.asked.count
+        return rows.ended(
+            self.asked, names, self.out[:, :count], self.samples[:, :, :count], scheme.name
         )
