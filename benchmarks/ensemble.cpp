@@ -7,11 +7,21 @@
 #include <cmath>
 #include <cstdint>
 #include <new>
+#include <limits>
 #include <type_traits>
+
+using Real = REAL;
+
+// What is the same for all loops may still be another number in the next run, as in a kernel of ours:
+// the compiler must not know it.
+extern "C" {
+Real SOURCE[2] = {-1, -1}, CURVATURE[2] = {1, Real(0.5)}, PEAK = 1;
+Real DECAY = Real(0.1), WAVE = Real(0.5);
+Real PUSH = Real(0.3), DIRECT = 5, FILTERED = Real(-12.5), POLE = -3;
+}
 
 namespace {
 
-using Real = REAL;
 #ifdef __AVX512F__
 constexpr int BYTES = 64;
 #else
@@ -107,21 +117,19 @@ struct Waves {
     }
 };
 
-constexpr Real DECAY = Real(0.1), WAVE = Real(0.5);
-
 struct Quadratic {
     static V signal(V x, V y) {
-        const V u = x + Real(1), v = y + Real(1);
-        return Real(1) - u * u - Real(0.5) * v * v;
+        const V u = x - SOURCE[0], v = y - SOURCE[1];
+        return PEAK - CURVATURE[0] * u * u - CURVATURE[1] * v * v;
     }
     template <int P>
     struct Signal {
         Series<P> u, v;
         V operator()(Series<P>& x, Series<P>& y, int k) {
-            u[k] = k ? x[k] : x[k] + Real(1);
-            v[k] = k ? y[k] : y[k] + Real(1);
-            const V sum = -square(u, k) - Real(0.5) * square(v, k);
-            return k ? sum : sum + Real(1);
+            u[k] = k ? x[k] : x[k] - SOURCE[0];
+            v[k] = k ? y[k] : y[k] - SOURCE[1];
+            const V sum = -CURVATURE[0] * square(u, k) - CURVATURE[1] * square(v, k);
+            return k ? sum : sum + PEAK;
         }
     };
 };
@@ -186,8 +194,6 @@ struct Velocity {  // x, y, η
         }
     };
 };
-
-constexpr Real PUSH = Real(0.3), DIRECT = 5, FILTERED = Real(-12.5), POLE = -3;
 
 struct Force {  // x, v_x, y, v_y, η, ζ_x, ζ_y
     static constexpr int STATES = 7, ORDER = 10;
@@ -279,6 +285,16 @@ struct Taylor {
     }
 };
 
+// --- which loops have escaped: on the bits, as -ffast-math believes in no NaN --------------------
+
+inline void watched(const V* x, int states, V now, V& alive) {
+    const Whole size = std::numeric_limits<Whole>::max();
+    const V limit = V{} + Real(sizeof(Real) == 8 ? 1e100 : 1e18);
+    I inside = I{} - 1;
+    for (int i = 0; i < states; i++) inside &= ((I)x[i] & size) < (I)limit;
+    alive = inside ? now : alive;
+}
+
 // --- all loops ------------------------------------------------------------------------------------
 
 struct Rotation {  // in double precision; each block of steps begins with its sine and cosine
@@ -299,7 +315,7 @@ void integrate(const double* columns, Real* states, long loops, long steps, doub
     const double h = t_end / double(steps);
     for (long first = 0; first < loops; first += GROUP * WIDTH) {
         Lane lanes[GROUP];
-        V x[GROUP][N], s[GROUP], c[GROUP], sine[GROUP], cosine[GROUP];
+        V alive[GROUP] = {}, x[GROUP][N], s[GROUP], c[GROUP], sine[GROUP], cosine[GROUP];
         Rotation rotations[GROUP];
         alignas(64) unsigned char memory[GROUP][sizeof(Step<Loop>)];
         Step<Loop>* step[GROUP];
@@ -318,6 +334,7 @@ void integrate(const double* columns, Real* states, long loops, long steps, doub
             step[u] = new (memory[u]) Step<Loop>(lanes[u], Real(h));
         }
         for (long begin = 0; begin < steps; begin += BLOCK) {
+            for (int u = 0; u < GROUP; u++) watched(x[u], N, V{} + Real(begin), alive[u]);
             for (int u = 0; u < GROUP; u++) rotations[u].block(s[u], c[u]);
             const long end = std::min(begin + BLOCK, steps);
             for (long i = begin; i < end; i++)
@@ -333,6 +350,9 @@ void integrate(const double* columns, Real* states, long loops, long steps, doub
             for (int i = 0; i < N; i++)
                 for (int l = 0; l < WIDTH && first + u * WIDTH + l < loops; l++)
                     states[i * loops + first + u * WIDTH + l] = x[u][i][l];
+        for (int u = 0; u < GROUP; u++)
+            for (int l = 0; l < WIDTH && first + u * WIDTH + l < loops; l++)
+                states[N * loops + first + u * WIDTH + l] = alive[u][l] * Real(h);
     }
 }
 

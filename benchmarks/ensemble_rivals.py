@@ -128,9 +128,9 @@ def _compiled(problem: Problem, function: Any, dtype: str) -> Run:
 
     def run(columns: NDArray[np.float64], steps: int) -> NDArray[Any]:
         loops = columns.shape[1]
-        out = np.empty((states, loops), dtype)
+        out = np.empty((states + 1, loops), dtype)  # the last row: until when they were finite
         function(columns.ctypes.data, out.ctypes.data, loops, steps, T_END)
-        return out
+        return out[:states]
 
     return run
 

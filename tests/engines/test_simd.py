@@ -21,8 +21,10 @@ from test_mathematics import DTYPE, WIDE, compiled
 
 import extremum as es
 from extremum.engines import simd
-from extremum.engines.lanes import choosing
+from extremum.engines.lanes import choosing, kernels
+from extremum.engines.lanes.accuracy import estimate
 from extremum.engines.lanes.asked import Asked
+from extremum.engines.lanes.kernels import Kernels
 from extremum.engines.lanes.schemes import RK4, Taylor
 from extremum.engines.lanes.tape import STEP, Tape
 from extremum.engines.simd import running
@@ -127,6 +129,15 @@ def test_the_error_is_proportional_to_the_tolerance(make: Callable[[], es.Loop])
     assert np.polyfit(np.log(tols), np.log(found), 1)[0] == pytest.approx(1, abs=0.1)
 
 
+def test_the_error_is_estimated_by_halving_the_steps() -> None:
+    question = asked(velocity_actuated(), closer(60), 2.0, tol=1e-5)
+    ended = simd.integrate(question)
+    found, wrong = estimate(question, ended, simd.integrate), errors(question, ended)
+    assert (found.loops, found.doubtful) == (60, 0)
+    assert found.largest == pytest.approx(wrong.max(), rel=0.5)
+    assert found.typical == pytest.approx(np.median(wrong), rel=0.5)
+
+
 def test_float32_comes_to_its_floor() -> None:
     question = asked(velocity_actuated(), closer(32), 2.0, dtype="float32", tol=1e-5)
     ended = simd.integrate(question)
@@ -193,7 +204,7 @@ def test_the_width_of_the_vectors_changes_no_bit(
     found = []
     for registers in (1, 2, 4):
         monkeypatch.setattr(running, "MOST_REGISTERS", registers)
-        monkeypatch.setattr(running, "_KERNELS", running.OrderedDict())
+        monkeypatch.setattr(running, "KERNELS", Kernels(running.compiled))
         found.append(simd.integrate(question))
     same(found[0], found[1])
     same(found[0], found[2])
@@ -225,7 +236,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         return original(*arguments)
 
     monkeypatch.setattr(running, "Kernel", counting)
-    monkeypatch.setattr(running, "_KERNELS", running.OrderedDict())
+    monkeypatch.setattr(running, "KERNELS", Kernels(running.compiled))
     return made
 
 
@@ -252,16 +263,15 @@ def test_a_changed_number_compiles_nothing(counted: list[Any]) -> None:
 
 
 def test_only_so_many_kernels_are_kept(monkeypatch: pytest.MonkeyPatch, counted: list[Any]) -> None:
-    monkeypatch.setattr(running, "KEPT", 2)
+    monkeypatch.setattr(kernels, "KEPT", 2)
     question = asked(velocity_actuated(), closer(1), 0.1)
-    tols = (1e-4, 1e-6)
-    for tol in (*tols, *tols, 1e-9):
+    for tol in (1e-4, 1e-6, 1e-4, 1e-9):  # the longest unused, 1e-6, makes room
         simd.integrate(replace(question, tol=tol))
-    assert len(running._KERNELS) == 2
     counted.clear()
-    simd.integrate(replace(question, tol=1e-6))
-    assert not counted
     simd.integrate(replace(question, tol=1e-4))
+    simd.integrate(replace(question, tol=1e-9))
+    assert not counted
+    simd.integrate(replace(question, tol=1e-6))
     assert counted
 
 
@@ -271,7 +281,7 @@ def test_two_threads_compile_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         asked(velocity_actuated(sensor=f"1/(0.1{k}*s + 1)"), closer(9), 0.2, tol=tol)
         for k, tol in ((1, 1e-4), (2, 1e-4), (3, 1e-6), (3, 1e-6))
     ]
-    monkeypatch.setattr(running, "_KERNELS", running.OrderedDict())
+    monkeypatch.setattr(running, "KERNELS", Kernels(running.compiled))
     with ThreadPoolExecutor(4) as pool:
         together = list(pool.map(simd.integrate, questions))
     for question, ended in zip(questions, together, strict=True):

@@ -94,10 +94,10 @@ def study(loops: int = LOOPS, *, progress: Progress | None = None) -> xarray.Dat
         },
         {"time": found.time, "axis": found.axis, **_middles(coarse)},
         found.attrs,
-    ).drop_vars(["start.0", "start.1"], errors="ignore")
+    ).drop_vars(["start.0", "start.1"])
+    heights = f" of {altitudes.min():.0f} to {altitudes.max():.0f} m" if len(tops) else ""
     finding = (
-        f"{(summit >= 0).mean():.1%} have arrived, at {len(tops)} summits of "
-        f"{altitudes.min(initial=np.inf):.0f} to {altitudes.max(initial=-np.inf):.0f} m; "
+        f"{(summit >= 0).mean():.1%} have arrived, at {len(tops)} summits{heights}; "
         f"{float((found.outcome == 2).mean()):.1%} have left the map"
     )
     return packed(kept, title=f"{TITLE}: {count:,} loops", finding=finding)

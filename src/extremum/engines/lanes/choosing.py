@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 
 from ...system import Compiled, System
 from .asked import Asked, Numbers
+from .program import program
 from .schemes import RK4, RungeKutta, Taylor
+from .watch import Watch
 
 SHARE: Final = 0.1
 """Of the tolerance that one step may take."""
 
-ORDERS: Final = (8, 20)
+ORDERS: Final = range(6, 22, 2)
+
+LONG: Final = 850
+LONGER: Final = 1.12
+"""Operations of a step beyond which its code is too long, and what each of them then costs."""
 
 FINEST: Final = {"float64": 0.0, "float32": 1e-5}
 """Tolerance below which a fixed step is not made shorter."""
@@ -32,11 +38,30 @@ HUGE: Final = {"float64": 1e90, "float32": 1e9}
 
 
 def usual(asked: Asked) -> Taylor | RungeKutta:
-    """Return Taylor's method of the order that fits the tolerance, RK4 for tables."""
+    """Return Taylor's method of the order that costs least, RK4 for tables.
+
+    The coefficients of a series that converges within ρ fall like ρ^−k, so that the step is
+    ρ tol^(1/p): a unit of time costs flops(p) tol^(−1/p), and a little more where the code of a
+    step is too long to stay in the first-level cache.
+    """
     if asked.system.oracles:
         return RK4
-    order = 2 * round((4.2 - math.log10(asked.tol)) / 2)
-    return Taylor(min(max(order, ORDERS[0]), ORDERS[1]))
+
+    def cost(order: int) -> float:
+        flops = _flops(asked.system, asked.swept, order)
+        return flops * (LONGER if flops > LONG else 1.0) * (asked.tol * SHARE) ** (-1 / order)
+
+    best = ORDERS[0]
+    for order in ORDERS[1:]:
+        if cost(order) > cost(best):
+            break
+        best = order
+    return Taylor(best)
+
+
+@lru_cache(maxsize=512)
+def _flops(system: System, swept: tuple[int, ...], order: int) -> int:
+    return program(system, swept, Taylor(order), Watch()).flops()
 
 
 def numbers(asked: Asked, part: slice = slice(None)) -> list[Any]:

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Final, Protocol
 
 import sympy
 from sympy import Expr, Symbol
 
 from ...system import System
 from .reading import Plain
-from .tape import LOOP, STEP, UNIFORM, Tape
+from .tape import LOOP, STEP, UNIFORM, Operation, Tape
 from .watch import Watch
+
+FUNCTION: Final = 20
+"""Operations of exp, sin and their like."""
+
+_SIMPLE: Final = ("add", "subtract", "multiply", "divide", "sqrt")
+_FREE: Final = (
+    *("state", "time", "part", "left", "negative", "absolute", "maximum", "minimum"),
+    *("logarithm", "power of two"),
+)
 
 
 @dataclass(frozen=True)
@@ -81,15 +90,14 @@ class Program:
     guards: tuple[int, ...]
 
     def flops(self) -> int:
-        """Return the additions, multiplications, divisions and roots of one step of one loop.
+        """Return about how many operations one step of one loop takes; a function counts as many.
 
         What does not vary from step to step is not computed at every step, and does not count.
         """
-        counted = {"add", "subtract", "multiply", "divide", "sqrt"}
         part = () if self.step.part is None else (self.step.part,)
         wanted = self.tape.needed([*self.step.states, *part])
         operations = [self.tape.operations[value] for value in wanted]
-        return sum(o.name in counted for o in operations if o.rate == STEP)
+        return sum(_flops(o) for o in operations if o.rate == STEP)
 
 
 class Scheme(Protocol):
@@ -202,6 +210,12 @@ class Ground:
 
 def _timeless(frequency: Expr) -> tuple[int, int]:
     raise TypeError(f"a parameter depends on time: {frequency}")
+
+
+def _flops(operation: Operation) -> int:
+    if operation.name in _SIMPLE:
+        return 1
+    return 0 if operation.name in _FREE else FUNCTION
 
 
 def program(system: System, swept: Sequence[int], scheme: Scheme, watch: Watch) -> Program:

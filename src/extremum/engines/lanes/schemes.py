@@ -12,7 +12,7 @@ from sympy import Expr, Symbol
 
 from .program import Ground, Stepped
 from .reading import Plain
-from .series import Powers, Series, SeriesReading
+from .series import Powers, Scaled, Series, SeriesReading
 from .tape import UNIFORM, Tape
 from .watch import Watch
 
@@ -147,8 +147,10 @@ def _coefficient(ground: Ground, rates: Sequence[Series], index: int, k: int) ->
     """Return x_k of a state: H/k ẋ_{k−1}."""
     if k == 0:
         return tuple(ground.states.values())[index]
-    tape = ground.tape
-    return tape.multiply(tape.multiply(ground.unit, tape.constant(1 / k)), rates[index][k - 1])
+    tape, rate, unit = ground.tape, rates[index], ground.unit
+    if isinstance(rate, Scaled):
+        rate, unit = rate.base, tape.product([unit, rate.scale])
+    return tape.multiply(tape.multiply(unit, tape.constant(1 / k)), rate[k - 1])
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from types import MappingProxyType
 from typing import Final
 
@@ -284,9 +285,11 @@ class Kernel:
         return found
 
     def _wave(self, angle: str, time: str) -> tuple[str, str]:
-        """Return sin and cos of angle · time, reduced in double precision to ±π."""
+        """Return sin and cos of angle · time; in single precision reduced to ±π before."""
         double = self.double
         whole = double.multiply(angle, time)
+        if self.layout.bits == 64:
+            return sincos(double, whole)
         rest = double.fma(angle, time, double.negative(whole))
         turns = double.rounded(double.multiply(whole, double.constant(1 / TWO_PI[0])))
         reduced = double.fma(turns, double.constant(-TWO_PI[0]), whole)
@@ -316,9 +319,9 @@ class Kernel:
         """Return which loops have taken the step: their states are finite and on every table."""
         vector = self.vector
         limit = vector.constant(HUGE[vector.bits])
-        for value in self.program.step.states:
-            size = vector.absolute(named.operand(vector, value))
-            going = vector.both(going, vector.compare("olt", size, limit))
+        states = [named.operand(vector, value) for value in self.program.step.states]
+        size = reduce(vector.add, map(vector.absolute, states))  # NaN if one is
+        going = vector.both(going, vector.compare("olt", size, limit))
         for value in self.program.guards:
             guard = named.operand(vector, value)
             going = vector.both(going, vector.compare("oge", guard, vector.constant(0.0)))

@@ -8,7 +8,7 @@ from typing import Final
 
 from ..lanes.frame import Frame
 
-BLOCK: Final = 24 * 1024
+BLOCK: Final = 12 * 1024
 """Bytes of a block: it stays in the first-level cache for the whole run."""
 
 MOST_VECTORS: Final = 32
