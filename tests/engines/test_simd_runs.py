@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import mpmath
 import numpy as np
 import pytest
 from loops import velocity_actuated
 from questions import asked, closer, errors, reference, same, starts, watching
 from scipy.integrate import simpson
+from systems import system
 
 import extremum as es
 from extremum.engines import simd
-from extremum.engines.lanes.asked import OUTCOMES
+from extremum.engines.lanes import choosing
+from extremum.engines.lanes.asked import OUTCOMES, Asked
 from extremum.engines.lanes.schemes import RK4
 from extremum.engines.simd import running
 from extremum.loop import varied
@@ -179,6 +182,29 @@ def test_a_run_that_is_over_at_once(t_end: float) -> None:
     assert (ended.steps == 2).all()  # a step for each segment between samples
     assert (ended.end_time == t_end).all()
     assert errors(question, ended).max() < 1e-14
+
+
+def test_the_phase_after_a_million_radians() -> None:
+    """ẋ = a (sin ωt − x) settles on a/(a² + ω²) (a sin ωt − ω cos ωt)."""
+    a, frequency, t_end = 300.0, 1000.0, 1e3
+    made = system("a*(sin(w*t) - x)", carriers="w")
+    question = Asked(made, np.array([a, 0, frequency]), (0,), np.array([[a]]), t_end, tol=1e-12)
+    found = simd.integrate(question).states[0, 0]
+    with mpmath.workdps(30):
+        angle = mpmath.mpf(frequency) * t_end
+        wave = a * mpmath.sin(angle) - frequency * mpmath.cos(angle)
+        exact = float(a / (a**2 + frequency**2) * wave)
+    assert found == pytest.approx(exact, abs=1e-9)
+
+
+def test_rk4_takes_a_whole_number_of_steps() -> None:
+    """Rounding of t_end/H neither adds a step nor swallows one."""
+    loop, rng = velocity_actuated(), np.random.default_rng(8)
+    over = {"controller.frequency": rng.uniform(20, 40, 64)}
+    for t_end in rng.uniform(0.01, 0.3, 40):
+        question = asked(loop, over, float(t_end), tol=1e-3, samples=int(rng.integers(0, 5)) + 2)
+        steps = question.t_end / choosing.lengths(question)
+        assert np.array_equal(simd.integrate(question, scheme=RK4).steps, np.rint(steps))
 
 
 def test_a_run_of_hours() -> None:

@@ -19,7 +19,7 @@ from extremum.engines.lanes.asked import OUTCOMES, Asked, Ended
 from extremum.engines.lanes.watch import Watch
 from extremum.system import System
 
-PER_PERIOD = 200
+PER_PERIOD = 400
 TOL = 1e-13
 
 

@@ -88,7 +88,7 @@ def expected(loop: es.Loop, period: float) -> dict[str, Any]:
 
 def close(statistic: str, ours: Any, theirs: Any, period: Any) -> bool:
     """Whether two statistics agree; maxima and crossings are looked for at points of each step."""
-    rtol = 5e-5 if statistic in ("max_J", "peak_input") else 1e-6
+    rtol = 1e-5 if statistic in ("max_J", "peak_input") else 1e-6
     atol = period / 2000 if statistic == "settling_time" else 1e-6
     return bool(np.isclose(ours, theirs, rtol=rtol, atol=atol, equal_nan=True).all())
 

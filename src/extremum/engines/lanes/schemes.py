@@ -117,10 +117,19 @@ class Taylor:
         return [(theta, self._value(tape, series, theta)) for theta in places]
 
     def _largest(self, ground: Ground, series: Series) -> int:
-        """Return the largest value, at the looks or at the top of a parabola through three."""
-        tape, values = ground.tape, [value for _, value in self._looks(ground, series)]
-        tops = [_top(tape, *values[i : i + 3]) for i in range(len(values) - 2)]
-        return reduce(lambda a, b: tape.call("maximum", a, b), [*values, *tops])
+        """Return the largest of the looks and of the value near the top about the largest one."""
+        tape, looks = ground.tape, self._looks(ground, series)
+        gap = tape.multiply(tape.constant(1 / LOOKS), ground.part)
+        values = [value for _, value in looks]
+        tops = [
+            tape.add(looks[i][0], tape.multiply(gap, _top(tape, *values[i - 1 : i + 2])))
+            for i in range(1, LOOKS)
+        ]
+        largest, place = values[0], tops[0]
+        for value, top in zip(values[1:], [*tops, tops[-1]], strict=True):
+            place = tape.call("positive", tape.subtract(value, largest), top, place)
+            largest = tape.call("maximum", value, largest)
+        return tape.call("maximum", largest, self._value(tape, series, place))
 
     def _beyond(self, ground: Ground, series: Series) -> int:
         """Return the last look at which e > 0, or where it crosses 0 before the next."""
@@ -135,12 +144,14 @@ class Taylor:
 
 
 def _top(tape: Tape, before: int, value: int, after: int) -> int:
-    """Return the top of the parabola through three equispaced values if it is among them."""
+    """Return where the parabola through three equispaced values has its top, 0 if not among them.
+
+    As a share of the gap, from the middle.
+    """
     slope = tape.multiply(tape.constant(0.5), tape.subtract(after, before))
     bend = tape.subtract(tape.add(value, value), tape.add(before, after))
-    rise = tape.divide(tape.multiply(slope, slope), tape.add(bend, bend))
     steep = tape.subtract(bend, tape.call("absolute", slope))
-    return tape.call("positive", steep, tape.add(value, rise), value)
+    return tape.call("positive", steep, tape.divide(slope, bend), tape.constant(0.0))
 
 
 def _coefficient(ground: Ground, rates: Sequence[Series], index: int, k: int) -> int:
