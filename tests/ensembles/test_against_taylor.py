@@ -128,7 +128,8 @@ def test_a_thousand_random_loops() -> None:
     for dtype, limit in ERRORS.items():
         calm = [f.errors[dtype] for f in found if f.outcome == 0 and f.amplified <= CALM]
         assert len(calm) > 400
-        assert np.quantile(calm, 0.99) < limit
+        assert np.quantile(calm, 0.98) < limit
+        assert np.median(calm) < limit / 10
     outcomes = Counter(f.outcome for f in found)
     assert len(found) == 1000
     assert min(outcomes[o] for o in range(len(OUTCOMES))) >= 30

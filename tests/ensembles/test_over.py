@@ -173,7 +173,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"t_end": NAN}, "t_end"),
     ({"tol": 1e-15}, "tol = 1e-15: must lie between 1e-13, what float64 can hold, and 0.1"),
     ({"tol": 1}, "tol = 1: must lie between"),
-    ({"dtype": "float32"}, "tol = 1e-06: must lie between 1e-05, what float32 can hold, and 0.1"),
+    (
+        {"dtype": "float32", "tol": 1e-6},
+        "tol = 1e-06: must lie between 1e-05, what float32 can hold",
+    ),
     ({"dtype": "float16"}, "dtype = 'float16': must be"),
     ({"dtype": np.float32, "tol": 1e-4}, "dtype"),
     ({"device": "gpu"}, "device = 'gpu': must be"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InvalidDescription
 from ..parameters import Parameter
 from ..symbols import axis_names
 from ..system import System
@@ -35,10 +37,15 @@ class Column:
     dtype: str
     attrs: Mapping[str, Any]
 
+    def size(self) -> int:
+        """Return how many bytes it has for each loop."""
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
+
     def shaped(self, values: NDArray[Any], region: Region) -> NDArray[Any]:
         """Return a block's values, (…, loops), as (region, …)."""
-        last = np.moveaxis(values, -1, 0)
-        return last.reshape((*extent(region), *self.shape)).astype(self.dtype)
+        last = np.moveaxis(values, -1, 0).reshape((*extent(region), *self.shape))
+        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite
+            return last.astype(self.dtype)
 
 
 class Target(Protocol):
@@ -102,7 +109,7 @@ def coordinates(
     found = dict(lanes.coords)
     for (path, variable), parameter in zip(lanes.swept.items(), swept, strict=True):
         found[path] = variable.copy(deep=False)
-        found[path].attrs = {"units": parameter.unit, "long_name": path, **variable.attrs}
+        found[path].attrs = {"long_name": path, **variable.attrs, "units": parameter.unit}
     labels: dict[str, tuple[Any, dict[str, str]]] = {
         "axis": (list(axis_names(len(system.outputs["position"]))), {}),
         "input": ([str(symbol) for symbol in system.inputs], {}),
@@ -119,17 +126,34 @@ def times(t_end: float, samples: int) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Memory:
-    """Keeps a result in memory."""
+    """Keeps a result in memory.
+
+    Raises
+    ------
+    InvalidDescription
+        If there is not enough memory.
+    """
 
     lanes: Lanes
     columns: list[Column]
     coords: Mapping[str, xarray.Variable]
+    attrs: Mapping[str, Any]
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for column in self.columns:
-            shape = (*self.lanes.shape, *column.shape)
-            self.arrays[column.name] = np.empty(shape, column.dtype)
+        try:
+            for column in self.columns:
+                shape = (*self.lanes.shape, *column.shape)
+                self.arrays[column.name] = np.empty(shape, column.dtype)
+        except (MemoryError, ValueError):  # ValueError: more bytes than an address can count
+            count = self.lanes.count
+            needed = sum(count * column.size() for column in self.columns) / 2**30
+            raise InvalidDescription(
+                "into",
+                f"the results of {count:,} loops need {needed:,.1f} GiB, more memory than there "
+                'is; name a Zarr store that they are written to, such as into="results.zarr", or '
+                "run fewer loops",
+            ) from None
 
     def write(self, region: Region, block: Mapping[str, NDArray[Any]]) -> None:
         """Put a block in its place."""
@@ -144,4 +168,4 @@ class Memory:
             c.name: xarray.Variable((*self.lanes.dims, *c.dims), self.arrays[c.name], c.attrs)
             for c in self.columns
         }
-        return xarray.Dataset(variables, self.coords, attrs)
+        return xarray.Dataset(variables, self.coords, {**self.attrs, **attrs})

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..engines.lanes.accuracy import estimate
 from ..engines.lanes.asked import Ended
 from ..engines.trajectory import Progress
 from ..errors import InvalidDescription, shown
@@ -71,15 +72,17 @@ def ensemble(
         - ``"peak_input"`` (D, input): the largest |u_i| of the run.
 
         P is the time after which all dithers repeat; where their frequencies have no common
-        measure (a ratio that is a float), the slowest dither's period; `t_end` where that is
-        shorter. Over the last period of a run that did not complete, statistics are NaN.
+        measure (a ratio that is a float, or is in `over`), the slowest dither's period; `t_end`
+        where that is shorter. Over the last period of a run that did not complete, statistics are
+        NaN.
     radius
         For ``"settling_time"`` (m).
     samples
         How many equispaced times, 0 and `t_end` among them, trajectories are kept at; None for
         none.
     tol
-        Error at the end, relative to 1 + |x|: each step takes a tenth of it. None: 1e-6, in
+        Each step may err by a tenth of it, relative to 1 + |x|; what that comes to at the end is
+        measured, see ``error`` below. In gridded fields it sets the step's length. None: 1e-6, in
         ``"float32"`` 1e-4; there at least 1e-5.
     device
         ``"cpu"``, or ``"cuda"`` for an NVIDIA GPU.
@@ -89,8 +92,8 @@ def ensemble(
         How many threads of the CPU; None for all that the process may use.
     into
         Path of a new Zarr store, to which the result is written as it is computed, so that memory
-        does not grow with the number of loops; the result is this store, opened lazily. Loops that
-        were not run (after Ctrl-C) have the outcome −1 in it.
+        does not grow with the number of loops; the result is this store, opened lazily. It is made
+        with its first block; loops that were not run (after Ctrl-C) have the outcome −1 in it.
     progress
         Called with the fraction of loops done, now and then.
 
@@ -121,34 +124,38 @@ def ensemble(
     integrate = integrator(device)
     task = prepared(loop, t_end, over, keep, radius, samples, tol, dtype)
     cores = _threads(threads)
+    _check_progress(progress)
     chunk = task.chunk()
-    path = None if into is None else new(into)
-    target = task.target(path, chunk)
-    accuracy = task.accuracy(integrate)
+    known = {
+        "t_end": task.t_end,
+        "tol": task.tol,
+        "dtype": task.dtype,
+        "device": device,
+        "loops": task.lanes.count,
+        "scenario": scenario_text(loop, task.t_end),
+    }
+    target = task.target(None if into is None else new(into), chunk, known)
+    accuracy = None if task.tells(chunk) else task.accuracy(integrate)
     steps, done, scheme = 0, 0, ""
     for region in regions.regions(task.lanes.shape, chunk):
         part = task.asked(task.lanes.columns(region))
         ended = integrate(
             part, threads=cores, progress=_within(progress, done, part.count, task.lanes.count)
         )
+        accuracy = accuracy or estimate(part, ended, integrate)
         target.write(region, task.results(part, ended))
         steps, scheme = steps + int(ended.steps.sum()), ended.scheme
         done += part.count
         if progress is not None:
             progress(done / task.lanes.count)
+    assert accuracy is not None
     return target.finished(
         {
-            "t_end": task.t_end,
-            "tol": task.tol,
-            "dtype": task.dtype,
-            "device": device,
             "scheme": scheme,
-            "loops": done,
             "steps": steps,
             "error": accuracy.largest,
             "typical_error": accuracy.typical,
             "doubtful": accuracy.doubtful,
-            "scenario": scenario_text(loop, task.t_end),
         }
     )
 
@@ -169,6 +176,12 @@ def _threads(threads: Any) -> int:
     if not whole or threads < 1:
         raise InvalidDescription("threads", "must be a whole number, at least 1", shown(threads))
     return int(threads)
+
+
+def _check_progress(progress: Any) -> None:
+    if progress is not None and not callable(progress):
+        reason = "must be a function that takes the fraction of loops done"
+        raise InvalidDescription("progress", reason, shown(progress))
 
 
 def _within(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -21,6 +22,9 @@ Numbers = NDArray[np.float64]
 
 RESERVED: Final = ("axis", "time", "input")
 """Dimensions that results have of their own."""
+
+MOST_BYTES: Final = 8
+"""Of a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +49,7 @@ class Lanes:
     @property
     def count(self) -> int:
         """How many loops."""
-        return int(np.prod(self.shape, dtype=np.int64))
+        return math.prod(self.shape)
 
     def columns(self, region: regions.Region) -> Numbers:
         """Return the numbers of a block's loops, (paths, loops), in C order."""
@@ -167,6 +171,9 @@ def _array(path: str, given: Any) -> NDArray[Any]:
     except ValueError:
         reason = "must be an array of numbers: its rows differ in length"
         raise InvalidDescription(path, reason, shown(given)) from None
+    except TypeError as error:
+        reason = f"must be an array of numbers: {error}"
+        raise InvalidDescription(path, reason, type(given).__name__) from None
     if array.dtype == object and array.size:  # such as multiples of es.pi
         array = np.array([_number(path, n) for n in array.ravel()]).reshape(array.shape)
     _check_kind(path, array)
@@ -187,6 +194,9 @@ def _check_kind(path: str, array: Any) -> None:
         raise InvalidDescription(
             path, f"must be an array of real numbers, not of {array.dtype}", _start(array)
         )
+    if array.dtype.itemsize > MOST_BYTES:
+        reason = f"holds {array.dtype}, of which a loop takes float64 only; use astype(float)"
+        raise InvalidDescription(path, reason, _start(array))
 
 
 def _start(array: Any) -> str:

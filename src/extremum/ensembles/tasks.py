@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -68,14 +68,18 @@ class Task:
         sampled = max(1, self.samples * len(self.system.states))
         return regions.chunked(self.lanes.shape, min(regions.LIMIT, max(1, SAMPLED // sampled)))
 
-    def target(self, path: Path | None, chunk: tuple[int, ...]) -> Target:
-        """Return what takes the results: a store at the path, or memory."""
+    def target(self, path: Path | None, chunk: tuple[int, ...], attrs: Mapping[str, Any]) -> Target:
+        """Return what takes the results: a store at the path, or memory.
+
+        `attrs` are those that are known before anything runs.
+        """
         found = columns(self.system, self.keeping, self.samples, self.dtype)
         dims = {dim for column in found for dim in column.dims}
         coords = coordinates(self.system, self.lanes, self.swept, dims, self.t_end, self.samples)
         if path is None:
-            return Memory(self.lanes, found, coords)
-        return Store(path, self.lanes, chunk, found, coords)
+            own = {name: variable.copy(deep=True) for name, variable in coords.items()}
+            return Memory(self.lanes, found, own, attrs)
+        return Store(path, self.lanes, chunk, found, coords, attrs)
 
     def numbers(self, table: NDArray[np.float64]) -> list[Any]:
         """Return the parameters' numbers, those that vary as arrays."""
@@ -103,6 +107,10 @@ class Task:
             dtype=self.dtype,
         )
 
+    def tells(self, chunk: tuple[int, ...]) -> bool:
+        """Return whether the run itself is what `accuracy` would run first."""
+        return not self.samples and chunk == self.lanes.shape and self.lanes.count <= SAMPLE
+
     def accuracy(self, integrate: Callable[..., Ended]) -> Accuracy:
         """Run some of the loops twice, with different steps."""
         count = self.lanes.count
@@ -119,7 +127,8 @@ class Task:
         }
         found |= {"position": position, "J": signal}
         found |= {"outcome": ended.outcome, "end_time": ended.end_time}
-        found |= self.keeping.results(Finished(ended, position, signal, source))
+        with np.errstate(over="ignore", invalid="ignore"):  # of loops that escaped
+            found |= self.keeping.results(Finished(ended, position, signal, source))
         if self.samples:
             found |= self._sampled(asked.count, ended, numbers)
         return found

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Final
 
-from ..lanes.frame import HUGE, LAST, SHORTEST, TAIL, TIMES, TWO_PI, Frame
+from ..lanes.frame import HUGE, LAST, SHORTEST, TAIL, TIMES, TWO_PI, UNCAPPED, WIDE, Frame
 from ..lanes.program import Program
 from ..lanes.tape import LOOP, STEP, UNIFORM
 from .printing import Statements
@@ -113,7 +113,10 @@ class Kernel:
         for name in frame.left[1:]:
             if not name.startswith("state"):
                 begun = -HUGE[self.bits] if name.startswith("maximum") else 0.0
-                lines.append(f"{_variable(name)} = {self.step.literal(begun)}")
+                number = repr(begun) if name.startswith(WIDE) else self.step.literal(begun)
+                lines.append(f"{_variable(name)} = {number}")
+        if frame.tries_again:
+            lines.append(f"cap = {UNCAPPED!r}")
         return lines
 
     def _step(self) -> list[str]:
@@ -127,11 +130,24 @@ class Kernel:
             f"alive = {self._going()}",
             "if not alive:",
             "    break",
+            *self._retried(),
             *self._watched(),
             "time = after",
             "steps += 1",
             *(f"x{i} = {text.name(value)}" for i, value in enumerate(step.states)),
         ]
+
+    def _retried(self) -> list[str]:
+        """Try a step that left the field's domain again with half of it."""
+        if not self.frame.tries_again:
+            return []
+        guards = " & ".join(self._guards())
+        tried = [f"if not ({guards}):", "    cap = 0.5 * float64(part)", "    continue"]
+        return [*tried, "cap *= 2.0"]
+
+    def _guards(self) -> list[str]:
+        zero = self.step.literal(0.0)
+        return [f"({self.step.name(value)} >= {zero})" for value in self.program.guards]
 
     def _inside(self, wanted: Iterable[int]) -> list[int]:
         return [v for v in self.tape.needed(wanted) if self.tape.rate(v) == STEP]
@@ -145,6 +161,7 @@ class Kernel:
             lines += text.computed(self._inside([step.part]))
             lines += [
                 f"wished = float64({text.name(step.part)})",
+                *(["wished = min(wished, cap)"] if self.frame.tries_again else []),
                 "last = wished >= remaining",
                 f"part = {self.number}(remaining if last else wished)",
                 "after = until if last else time + float64(part)",
@@ -190,10 +207,11 @@ class Kernel:
     def _going(self) -> str:
         """Return whether the step goes somewhere: states are finite and on every table."""
         text, program = self.step, self.program
-        limit, zero = text.literal(HUGE[self.bits]), text.literal(0.0)
+        limit = text.literal(HUGE[self.bits])
         conditions = [] if program.step.part is None else [f"(wished >= {SHORTEST!r})"]
         conditions += [f"(abs({text.name(value)}) < {limit})" for value in program.step.states]
-        conditions += [f"({text.name(value)} >= {zero})" for value in program.guards]
+        if not self.frame.tries_again:
+            conditions += self._guards()
         return " & ".join(conditions)
 
     def _watched(self) -> list[str]:
@@ -201,9 +219,11 @@ class Kernel:
         step, text, lines = self.program.step, self.step, []
         if step.last:
             inner = text.computed(self._inside(step.last))
-            inner += [f"last{i} += {text.name(value)}" for i, value in enumerate(step.last)]
+            inner += [
+                f"last{i} += float64({text.name(value)})" for i, value in enumerate(step.last)
+            ]
             lines += ["if after > begin:", *_indented(*inner)]
-        lines += [f"mean{i} += {text.name(value)}" for i, value in enumerate(step.means)]
+        lines += [f"mean{i} += float64({text.name(value)})" for i, value in enumerate(step.means)]
         for i, value in enumerate(step.maxima):
             seen = text.name(value)
             lines.append(f"maximum{i} = {seen} if {seen} > maximum{i} else maximum{i}")

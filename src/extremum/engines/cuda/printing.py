@@ -106,6 +106,9 @@ _FORMS: Final[Mapping[str, Callable[..., str]]] = {
     "maximum": lambda _, a, b: f"{a} if {a} > {b} else {b}",
     "minimum": lambda _, a, b: f"{a} if {a} < {b} else {b}",
     "unit": _unit,
+    "finite": lambda text, x: (
+        f"{text.literal(1.0)} if {x} - {x} == {text.literal(0.0)} else {text.literal(-1.0)}"
+    ),
     "positive": lambda text, x, a, b: f"{a} if {x} > {text.literal(0.0)} else {b}",
     "logarithm": _logarithm,
     "power of two": _power,

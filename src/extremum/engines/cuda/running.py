@@ -130,7 +130,7 @@ def integrate(
     _check(asked)
     scheme = choosing.usual(asked) if scheme is None else scheme
     made = KERNELS.get(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
-    work = _Work(made, asked)
+    work = _Work(made, asked, scheme)
     for begin, end in work.pieces():
         work.run(begin, end)
         if progress is not None:
@@ -150,7 +150,7 @@ def _check(asked: Asked) -> None:
 class _Work:
     """The arrays that the kernel reads and writes, on the processor's side."""
 
-    def __init__(self, ready: Ready, asked: Asked) -> None:
+    def __init__(self, ready: Ready, asked: Asked, scheme: Scheme) -> None:
         self.ready, self.asked = ready, asked
         kernel, count = ready.kernel, asked.count
         given = rows.given(asked, kernel.frame.columns)
@@ -158,7 +158,7 @@ class _Work:
         self.out = np.empty((len(kernel.names), count))
         states = len(asked.system.states)
         self.samples = np.empty((asked.samples, states, count), dtype=asked.dtype)
-        leaves: dict[tuple[str, int], Any] = {("tol", 0): asked.tol * choosing.SHARE}
+        leaves: dict[tuple[str, int], Any] = {("tol", 0): choosing.tolerance(asked, scheme)}
         leaves |= {("value", i): value for i, value in enumerate(asked.values)}
         found = evaluated(kernel.tape, [*kernel.wide, *kernel.given], leaves)
         self.wide = tuple(found[value] for value in kernel.wide) or (np.float64(0),)

@@ -40,10 +40,11 @@ def estimate(asked: Asked, ended: Ended, integrate: Callable[..., Ended]) -> Acc
     scheme = usual(asked)
     window = None if asked.window is None else np.asarray(asked.window)[loops]
     some = replace(asked, columns=asked.columns[:, loops], window=window, samples=0)
-    again = integrate(replace(some, tol=asked.tol * 2.0**-scheme.order), scheme=scheme)
+    again = integrate(replace(some, shorter=2.0), scheme=scheme)
     same = ended.outcome[loops] == again.outcome
     both = same & (again.outcome == 0)
     before, after = (x.astype(float) for x in (ended.states[:, loops], again.states))
-    change = np.abs(before - after).max(axis=0) / (1 + np.abs(after).max(axis=0))
+    with np.errstate(invalid="ignore"):
+        change = (np.abs(before - after) / (1 + np.abs(after))).max(axis=0)
     known = change[both] if both.any() else np.array([np.nan])
     return Accuracy(float(known.max()), float(np.median(known)), int((~same).sum()), len(loops))

@@ -43,6 +43,8 @@ class Asked:
         Local error of a step that is accepted, relative to 1 + |x|.
     dtype
         ``"float64"`` or ``"float32"``.
+    shorter
+        By how much steps are shorter than `tol` asks for.
     """
 
     system: System
@@ -55,6 +57,7 @@ class Asked:
     samples: int = 0
     tol: float = 1e-6
     dtype: str = "float64"
+    shorter: float = 1.0
 
     @property
     def count(self) -> int:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ...system import Compiled, System
 from .asked import Asked, Numbers
-from .program import program
+from .program import Scheme, program
 from .schemes import RK4, RungeKutta, Taylor
 from .watch import Watch
 
-SHARE: Final = 0.1
+SHARE: Final = 1 / 30
 """Of the tolerance that one step may take."""
 
 ORDERS: Final = range(6, 22, 2)
@@ -59,6 +59,11 @@ def usual(asked: Asked) -> Taylor | RungeKutta:
     return Taylor(best)
 
 
+def tolerance(asked: Asked, scheme: Scheme) -> float:
+    """Return what one step may err, relative to 1 + |x|."""
+    return asked.tol * SHARE * asked.shorter**-scheme.order
+
+
 @lru_cache(maxsize=512)
 def _flops(system: System, swept: tuple[int, ...], order: int) -> int:
     return program(system, swept, Taylor(order), Watch()).flops()
@@ -99,9 +104,38 @@ def lengths(asked: Asked) -> Numbers:
     gain in single precision is lost in rounding.
     """
     per_period = 4 * max(asked.tol, FINEST[asked.dtype]) ** (-1 / 4)
-    periods = asked.t_end * fastest(asked) / (2 * math.pi)
+    periods = asked.t_end * np.maximum(fastest(asked), _steepest(asked)) / (2 * math.pi)
     parts = max(asked.samples - 1, 1)
-    return asked.t_end / (np.ceil(periods * per_period / parts) * parts)
+    return asked.t_end / (np.ceil(periods * per_period / parts) * parts * asked.shorter)
+
+
+def _steepest(asked: Asked) -> Numbers:
+    """Return the largest |λ| (1/s) of every loop's linear part at t = 0, its field held still."""
+    matrix = _linear_part(asked.system)(numbers(asked))
+    size = len(asked.system.states)
+    whole = np.empty((asked.count, size, size))
+    for i, row in enumerate(matrix):
+        for j, entry in enumerate(row):
+            whole[:, i, j] = entry
+    same = bool((whole == whole[:1]).all())
+    found = np.abs(np.linalg.eigvals(whole[:1] if same else whole)).max(axis=1)
+    return np.broadcast_to(found, asked.count)
+
+
+@lru_cache(maxsize=64)
+def _linear_part(system: System) -> Compiled:
+    """Return the parameters' numbers → ∂ẋ/∂x, row by row, what tables say taken for constant."""
+    import sympy
+    from sympy.core.function import AppliedUndef
+
+    bound: dict[Any, Any] = {}
+    for symbol, expression in system.signals:
+        still = expression.replace(lambda e: isinstance(e, AppliedUndef), lambda _: sympy.Dummy())
+        bound[symbol] = still.xreplace(bound)
+    rates: list[Any] = [rate.xreplace(bound) for rate in system.rhs]
+    still = dict.fromkeys((*system.states, system.time), 0)
+    rows = [[rate.diff(x).xreplace(still) for x in system.states] for rate in rates]
+    return sympy.lambdify([list(system.symbols)], rows, "numpy", dummify=True)
 
 
 def outcomes(

@@ -58,6 +58,7 @@ _OPERATIONS: Final[Mapping[str, Callable[..., Any]]] = {
     "absolute": np.abs,
     "maximum": lambda a, b: np.where(a > b, a, b)[()],
     "minimum": lambda a, b: np.where(a < b, a, b)[()],
+    "finite": lambda x: np.where(np.isfinite(x), 1.0, -1.0)[()],
     "unit": lambda x: np.clip(x, 0.0, 1.0),
     "positive": lambda x, a, b: np.where(x > 0, a, b)[()],
     "logarithm": _logarithm,

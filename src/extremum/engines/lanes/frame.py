@@ -25,6 +25,12 @@ TWO_PI: Final = (6.283185307179586, 2.4492935982947064e-16)
 TIMES: Final = ("mean", "last", "beyond")
 """Rows of what is left that are in units of H while a loop runs, and in s afterwards."""
 
+WIDE: Final = ("steps", "mean", "last")
+"""Rows that are summed up in double precision whatever the states have."""
+
+UNCAPPED: Final = 1e9
+"""Longest step, in units of H, as long as none has failed."""
+
 TAIL: Final = ("time", "completed")
 """The last rows of what is left at the end: t (s), and 1 where it is t_end."""
 
@@ -43,6 +49,11 @@ class Frame:
 
     program: Program
     swept: tuple[int, ...]
+
+    @property
+    def tries_again(self) -> bool:
+        """Whether a step that ends where the field has no value is tried again with half of it."""
+        return self.program.step.part is not None and bool(self.program.guards)
 
     @cached_property
     def columns(self) -> dict[tuple[str, int], int]:

@@ -20,8 +20,12 @@ FUNCTION: Final = 20
 _SIMPLE: Final = ("add", "subtract", "multiply", "divide", "sqrt")
 _FREE: Final = (
     *("state", "time", "part", "left", "negative", "absolute", "maximum", "minimum"),
-    *("logarithm", "power of two"),
+    *("logarithm", "power of two", "finite"),
 )
+
+
+LIMITED: Final = (sympy.log, sympy.asin, sympy.acos, sympy.acosh, sympy.atanh)
+"""Functions that have no value at some numbers."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +83,9 @@ class Program:
     step
         The step.
     guards
-        Not negative after the step while every table is asked inside its data.
+        Not negative after the step while the field has a value there: every table is asked inside
+        its data, no logarithm of what is negative. A step whose length is `part` is tried again
+        with half of it, others end the loop.
     """
 
     tape: Tape
@@ -106,6 +112,11 @@ class Scheme(Protocol):
     @property
     def name(self) -> str:
         """What it is called."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """The error is about (step)^order."""
         ...
 
     @property
@@ -174,16 +185,16 @@ class Ground:
             return self.constants.read(sympy.cancel(frequency * self.pace))
         return self.tape.multiply(self.constants.read(frequency), self.unit)
 
-    def at(self, states: Sequence[int], fraction: float) -> Plain:
+    def at(self, states: Sequence[int], fraction: int) -> Plain:
         """Return a reading of states at a fraction of H after t, with the signals bound."""
         tape = self.tape
-        elapsed = tape.multiply(tape.constant(fraction), self.unit)
+        elapsed = tape.multiply(fraction, self.unit)
 
         def waves(frequency: Expr) -> tuple[int, int]:
             angle, (sine, cosine) = self.oscillator(frequency)
-            if fraction == 0:
+            if tape.known(fraction) == 0:
                 return sine, cosine
-            turned = tape.multiply(angle, tape.constant(fraction))
+            turned = tape.multiply(angle, fraction)
             s, c = tape.call("sin", turned), tape.call("cos", turned)
             return (
                 tape.convolution([(sine, c), (cosine, s)]),
@@ -201,11 +212,21 @@ class Ground:
         return reading
 
     def guards(self, states: Sequence[int]) -> tuple[int, ...]:
-        """Return what is negative where a table has been left; it depends on the state alone."""
-        if not self.system.guards:
+        """Return what is negative after the step where the field has no value."""
+        if self.system.guards:
+            reading = self.at(states, self.tape.constant(1.0))
+            return tuple(reading.read(guard) for guard in self.system.guards)
+        limited = [symbol for symbol, e in self.system.signals if _is_limited(e)]
+        if not limited:
             return ()
-        reading = self.at(states, 1.0)
-        return tuple(reading.read(guard) for guard in self.system.guards)
+        reading = self.at(states, self.part)
+        return tuple(self.tape.call("finite", reading.read(symbol)) for symbol in limited)
+
+
+def _is_limited(expression: Expr) -> bool:
+    """Return whether there may be numbers at which an expression has no value."""
+    powers = expression.atoms(sympy.Pow)
+    return expression.has(*LIMITED) or any(not power.exp.is_Integer for power in powers)
 
 
 def _timeless(frequency: Expr) -> tuple[int, int]:

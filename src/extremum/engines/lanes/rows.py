@@ -70,15 +70,16 @@ def ended(
     last = block("last")
     if len(last):
         last = np.where(completed, last / _window(asked), np.nan)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         mean = block("mean") / times
+    maxima = np.where(rows["steps"] > 0, block("maximum"), np.nan)
     return Ended(
         states=states,
         outcome=choosing.outcomes(asked, completed, times, states),
         end_time=times,
         mean=mean,
         last_mean=last,
-        maxima=block("maximum"),
+        maxima=maxima,
         beyond=block("beyond"),
         samples=samples,
         steps=rows["steps"].astype(np.int64),

@@ -168,7 +168,7 @@ def _coefficient(ground: Ground, rates: Sequence[Series], index: int, k: int) ->
 class RungeKutta:
     """An explicit Runge–Kutta method, k_i = f(x + H Σ_j a_ij k_j), x + H Σ_i b_i k_i.
 
-    What is watched is looked at at the beginning of every step; means take the weights b_i too.
+    What is watched is looked at at both ends of every step; means take the weights b_i too.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ class RungeKutta:
         stages: list[Plain] = []
         rates: list[list[int]] = []
         for row in self.a:
-            reading = ground.at(_moved(ground, begun, rates, row), sum(row))
+            reading = ground.at(_moved(ground, begun, rates, row), tape.constant(sum(row)))
             stages.append(reading)
             rates.append([reading.read(rate) for rate in ground.system.rhs])
 
@@ -203,15 +203,22 @@ class RungeKutta:
             weights = [tape.constant(b) for b in self.b]
             return tape.convolution(zip(weights, seen, strict=True))
 
-        first, zero, none = stages[0], tape.constant(0.0), tape.constant(-1.0)
-        inside = tape.subtract(tape.constant(1.0), tape.call("unit", ground.left()))
+        states = _moved(ground, begun, rates, self.b)
+        zero, one, none = (tape.constant(number) for number in (0.0, 1.0, -1.0))
+        first, last = stages[0], ground.at(states, one)
+
+        def crossed(expression: Expr) -> int:
+            before = tape.call("positive", first.read(expression), zero, none)
+            return tape.call("positive", last.read(expression), one, before)
+
+        inside = tape.subtract(one, tape.call("unit", ground.left()))
         return Stepped(
-            states=tuple(_moved(ground, begun, rates, self.b)),
+            states=tuple(states),
             part=None,
             means=tuple(averaged(e) for e in watch.mean),
             last=tuple(tape.multiply(inside, averaged(e)) for e in watch.last_mean),
-            maxima=tuple(first.read(e) for e in watch.maxima),
-            beyond=tuple(tape.call("positive", first.read(e), zero, none) for e in watch.beyond),
+            maxima=tuple(tape.call("maximum", first.read(e), last.read(e)) for e in watch.maxima),
+            beyond=tuple(crossed(e) for e in watch.beyond),
         )
 
 

@@ -7,12 +7,16 @@ import hashlib
 import os
 import tempfile
 import threading
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 _LOCK: Final = threading.Lock()
 _DIGEST: Final = 32
+
+KEPT: Final = 2000
+"""Most object files on disk, some 25 kB each."""
 
 
 class Compiled:
@@ -66,15 +70,25 @@ def _object(text: str) -> bytes:
 
 
 def _keep(name: str, content: bytes) -> None:
-    try:
-        path = _folder() / name
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        handle, written = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(written).replace(path)
-    except OSError:
-        pass  # a folder that cannot be written costs time, nothing else
+    with suppress(OSError):  # a folder that cannot be written costs time, nothing else
+        folder = _folder()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, written = tempfile.mkstemp(dir=folder)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            Path(written).replace(folder / name)
+        finally:
+            Path(written).unlink(missing_ok=True)
+        _prune(folder)
+
+
+def _prune(folder: Path) -> None:
+    """Remove the oldest files, so that at most `KEPT` are left."""
+    files = [entry for entry in os.scandir(folder) if entry.is_file()]
+    if len(files) > KEPT:
+        for entry in sorted(files, key=lambda entry: entry.stat().st_mtime)[:-KEPT]:
+            Path(entry).unlink(missing_ok=True)
 
 
 def _key(text: str) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from ..lanes.frame import Frame
+from ..lanes.frame import WIDE, Frame
 
 BLOCK: Final = 12 * 1024
 """Bytes of a block: it stays in the first-level cache for the whole run."""
@@ -36,9 +36,12 @@ class Layout(Frame):
         """Byte offset of every slot."""
         times = ["time", "until", "unit", *(["begin"] if self.program.step.last else [])]
         angles = [f"angle {i}" for i, _ in enumerate(self.program.angles)]
-        numbers = [*self.left, *(f"constant {value}" for value in self.constants)]
+        wide = [name for name in self.left if name.startswith(WIDE)]
+        numbers = [name for name in self.left if not name.startswith(WIDE)]
+        numbers += ["cap"] if self.tries_again else []
+        numbers += [f"constant {value}" for value in self.constants]
         offsets, at = {}, 0
-        for names, size in (([*times, *angles], 8), (numbers, self.bits // 8)):
+        for names, size in (([*times, *angles, *wide], 8), (numbers, self.bits // 8)):
             for name in names:
                 offsets[name], at = at, at + self.width * size
         return {**offsets, "": at}

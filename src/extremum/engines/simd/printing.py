@@ -113,6 +113,12 @@ def _unit(emitter: Emitter, x: str) -> str:
     return _smaller(emitter, _larger(emitter, x, emitter.constant(0.0)), emitter.constant(1.0))
 
 
+def _finite(emitter: Emitter, x: str) -> str:
+    """Return 1 for numbers, −1 for ±∞ and NaN."""
+    known = emitter.compare("oeq", emitter.subtract(x, x), emitter.constant(0.0))
+    return emitter.select(known, emitter.constant(1.0), emitter.constant(-1.0))
+
+
 def _positive(emitter: Emitter, x: str, a: str, b: str) -> str:
     """Return a where x > 0, else b."""
     return emitter.select(emitter.compare("ogt", x, emitter.constant(0.0)), a, b)
@@ -130,5 +136,6 @@ _DIRECT: Final[Mapping[str, Callable[..., str]]] = {
     "logarithm": _logarithm,
     "power of two": _power,
     "unit": _unit,
+    "finite": _finite,
     "positive": _positive,
 }

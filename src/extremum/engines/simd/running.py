@@ -89,7 +89,7 @@ def integrate(
     """
     scheme = choosing.usual(asked) if scheme is None else scheme
     kernel = KERNELS.get(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
-    work = _Work(kernel, asked)
+    work = _Work(kernel, asked, scheme)
     starts = range(0, work.stride, PIECE)
     with ThreadPoolExecutor(threads) as pool:
         jobs = [pool.submit(work.run, start) for start in starts]
@@ -102,14 +102,14 @@ def integrate(
             work.stop[0] = 1
             pool.shutdown(wait=True, cancel_futures=True)
             raise
-    return work.ended(scheme)
+    return work.ended()
 
 
 class _Work:
     """The arrays that the kernel reads and writes; a row of whole vectors each."""
 
-    def __init__(self, kernel: Ready, asked: Asked) -> None:
-        self.kernel, self.asked = kernel, asked
+    def __init__(self, kernel: Ready, asked: Asked, scheme: Scheme) -> None:
+        self.kernel, self.asked, self.scheme = kernel, asked, scheme
         layout = kernel.layout
         width, count = layout.width, asked.count
         self.stride = -(-count // width) * width
@@ -129,7 +129,7 @@ class _Work:
         vectors = min(PIECE, self.stride - start) // layout.width
         kept = self.samples.ctypes.data + start * layout.bits // 8 if asked.samples else None
         self.kernel.run(
-            asked.tol * choosing.SHARE,
+            choosing.tolerance(asked, self.scheme),
             asked.t_end,
             self.values.ctypes.data,
             self.columns.ctypes.data + 8 * start,
@@ -142,9 +142,9 @@ class _Work:
             max(asked.samples - 1, 1),
         )
 
-    def ended(self, scheme: Scheme) -> Ended:
+    def ended(self) -> Ended:
         """Return what became of the loops."""
         names, count = (*self.kernel.layout.left, *TAIL), self.asked.count
         return rows.ended(
-            self.asked, names, self.out[:, :count], self.samples[:, :, :count], scheme.name
+            self.asked, names, self.out[:, :count], self.samples[:, :, :count], self.scheme.name
         )
