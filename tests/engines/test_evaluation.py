@@ -18,7 +18,10 @@ from extremum.engines.lanes.program import Ground, program
 def test_functions_have_the_values_that_sympy_finds() -> None:
     system = lane_cases.functions().system
     ground = Ground(system, (), paced=True)
-    (rate,) = (ground.at(tuple(ground.states.values()), ground.tape.constant(0.0)).read(e) for e in system.rhs)
+    (rate,) = (
+        ground.at(tuple(ground.states.values()), ground.tape.constant(0.0)).read(e)
+        for e in system.rhs
+    )
     numbers = {"a": 0.3, "b": 0.8, "w": 5.0}
     x, t = np.array([0.1, 0.4, 0.9]), 0.7
     leaves: dict[tuple[str, int], Any] = {("state", 0): x, ("time", 0): t}

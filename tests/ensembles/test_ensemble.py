@@ -10,7 +10,8 @@ import xarray
 from loops import force_actuated, velocity_actuated
 
 import extremum as es
-from extremum.ensembles import regions
+from extremum.engines import simd
+from extremum.ensembles import ensembling, regions
 from extremum.ensembles.keeping import STATISTICS
 
 KEEP = tuple(STATISTICS)
@@ -105,6 +106,48 @@ def test_blocks_and_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> No
     }
     alone = es.ensemble(velocity_actuated(), 1.0, **{**arguments, "over": {**OVER, **few}})
     xarray.testing.assert_equal(whole.isel(index), alone)
+
+
+def ran(monkeypatch: pytest.MonkeyPatch, count: int, samples: int | None = None) -> list[int]:
+    """How many loops an ensemble runs, call by call."""
+    counts: list[int] = []
+
+    def engine(asked: Any, **arguments: Any) -> Any:
+        counts.append(asked.count)
+        return simd.integrate(asked, **arguments)
+
+    over = {"start.0": np.linspace(-1, 0, count)}
+    with monkeypatch.context() as patch:
+        patch.setattr(ensembling, "integrator", lambda device: engine)
+        es.ensemble(velocity_actuated(), 0.1, over=over, samples=samples)
+    return counts
+
+
+def test_a_few_loops_are_run_again_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run itself is what the one with half the steps is compared with."""
+    assert ran(monkeypatch, 256) == [256, 256]
+    assert ran(monkeypatch, 257) == [256, 256, 257]
+    assert ran(monkeypatch, 4, samples=3) == [4, 4, 4]
+    monkeypatch.setattr(regions, "LIMIT", 4)
+    assert ran(monkeypatch, 8) == [8, 8, 4, 4]
+
+
+def test_the_estimate_does_not_depend_on_which_run_it_takes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    whole = es.ensemble(velocity_actuated(), 1.0, over=OVER)
+    monkeypatch.setattr(regions, "LIMIT", 4)
+    assert es.ensemble(velocity_actuated(), 1.0, over=OVER).attrs == whole.attrs
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_what_is_infinite_is_no_warning(dtype: str) -> None:
+    over = {"start.0": [0.0, 1e10, 1e200, -1e308]}
+    keep: dict[str, Any] = {"keep": KEEP, "radius": 1.0, "samples": 3, "dtype": dtype}
+    found = es.ensemble(velocity_actuated(), 0.1, over=over, **keep)
+    assert found.outcome[0] == 0
+    assert np.isfinite(found.isel(loop=0).J)
 
 
 def test_attrs_tell_what_was_run() -> None:

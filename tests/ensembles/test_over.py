@@ -114,6 +114,27 @@ def test_the_result_is_shaped_by_what_varies() -> None:
     assert float(by_name.sel({GAIN: 6.0}).x[0]) == float(by_name.x[1, 0])
 
 
+def test_the_result_is_not_the_callers_arrays() -> None:
+    gain, labels, mass = np.array([5.0, 6.0]), np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    named = xarray.DataArray(gain, dims="n", coords={"n": labels, "mass": ("n", mass)})
+    by_name = es.ensemble(velocity_actuated(), 0.1, over={GAIN: named})
+    by_place = es.ensemble(velocity_actuated(), 0.1, over={GAIN: gain})
+    for array in (gain, labels, mass):
+        array[:] = 99
+    assert by_name[GAIN].values.tolist() == by_place[GAIN].values.tolist() == [5, 6]
+    assert by_name.n.values.tolist() == [1, 2]
+    assert by_name.mass.values.tolist() == [3, 4]
+    by_place[GAIN][:] = 7
+    assert (gain == 99).all()
+
+
+def test_units_are_those_that_numbers_are_taken_in() -> None:
+    start = xarray.DataArray([0.0, 1.0], dims="n", attrs={"units": "km", "long_name": "begin"})
+    found = es.ensemble(velocity_actuated(), 0.1, over={"start.0": start})
+    assert found["start.0"].attrs == {"units": "m", "long_name": "begin"}
+    assert start.attrs["units"] == "km"
+
+
 def test_numbers_that_are_structure_vary_like_others() -> None:
     """Each loop ends where its own replaced loop does."""
     over: dict[str, Any] = {
@@ -169,6 +190,10 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"over": {GAIN: A.assign_coords(J=3.0)}}, "'J' of its dimension or coordinate"),
     ({"over": {GAIN: A.astype(complex)}}, "must be an array of real numbers, not of complex128"),
     ({"over": {GAIN: A.rename(a=3)}}, "dimensions' names must be text"),
+    ({"over": {GAIN: np.array([1.0], dtype="g")}}, "of which a loop takes float64 only"),
+    ({"over": {GAIN: A.astype("g")}}, "of which a loop takes float64 only; use astype(float)"),
+    ({"over": {GAIN: A.to_dataset(name="a")}}, f"{GAIN} = Dataset: must be an array of numbers:"),
+    ({"progress": 3}, "progress = 3: must be a function that takes the fraction of loops done"),
     ({"t_end": 0}, "t_end = 0: must be a finite number greater than 0"),
     ({"t_end": NAN}, "t_end"),
     ({"tol": 1e-15}, "tol = 1e-15: must lie between 1e-13, what float64 can hold, and 0.1"),

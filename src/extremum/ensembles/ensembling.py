@@ -81,9 +81,9 @@ def ensemble(
         How many equispaced times, 0 and `t_end` among them, trajectories are kept at; None for
         none.
     tol
-        Each step may err by a tenth of it, relative to 1 + |x|; what that comes to at the end is
-        measured, see ``error`` below. In gridded fields it sets the step's length. None: 1e-6, in
-        ``"float32"`` 1e-4; there at least 1e-5.
+        Each step may err by a thirtieth of it, relative to 1 + |x|; what that comes to at the end
+        is measured, see ``error`` below. In gridded fields it sets the step's length. None: 1e-6,
+        in ``"float32"`` 1e-4; there at least 1e-5.
     device
         ``"cpu"``, or ``"cuda"`` for an NVIDIA GPU.
     dtype
@@ -102,19 +102,21 @@ def ensemble(
     xarray.Dataset
         Every state by name (D) and ``position`` (D, axis) (m) and ``J`` (D) at the end; ``outcome``
         (D), 0 completed, 1 escaped (to infinity in finite time), 2 left the data; ``end_time`` (D)
-        (s), after which there is no finite state where the outcome is not 0; what `keep` names;
-        with `samples` ``sampled_position`` (D, time, axis) and ``sampled_J`` (D, time), NaN after a
-        loop's end. Every path of `over` is a coordinate. The attrs hold ``t_end``, ``tol``,
-        ``dtype``, ``device``, ``scheme``, ``loops``, ``steps`` (of all loops) and ``scenario``, the
-        text of `loop`. Up to 256 loops are run once more with half the step: ``error`` and
-        ``typical_error`` are the largest and the median change of their final states, relative to
-        1 + |x|, and ``doubtful`` says how many of them then had another outcome.
+        (s), `t_end` or, where the outcome is not 0, the last step inside the domain; what `keep`
+        names; with `samples` ``sampled_position`` (D, time, axis) and ``sampled_J`` (D, time), NaN
+        after a loop's end. Every path of `over` is a coordinate. The attrs hold ``t_end``,
+        ``tol``, ``dtype``, ``device``, ``scheme``, ``loops``, ``steps`` (of all loops) and
+        ``scenario``, the text of `loop`. Up to 256 loops are run once more with half the step:
+        ``error`` and ``typical_error`` are the largest and the median change of their final
+        states, relative to 1 + |x|, and ``doubtful`` says how many of them then had another
+        outcome.
 
     Raises
     ------
     InvalidDescription
         For a path that names no number, values that cannot be right (with the index of the first),
-        shapes that do not broadcast, and arguments that do not fit each other.
+        shapes that do not broadcast, arguments that do not fit each other, results that do not
+        fit into memory, and coordinates that no store can hold.
 
     Notes
     -----

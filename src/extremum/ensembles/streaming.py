@@ -132,26 +132,26 @@ def _storable(variable: xarray.Variable) -> xarray.Variable:
 def _check_storable(name: str, variable: xarray.Variable) -> None:
     """Refuse a coordinate that does not come back from a store as it was.
 
-    Tried in memory, with its first entry; with all of them where their types may differ.
+    Tried in memory with some entries, or with all where their types may differ.
     """
     import xarray
     from zarr.storage import MemoryStore
 
-    first = {} if variable.dtype.kind == "O" else dict.fromkeys(variable.dims, slice(1))
+    first = {} if variable.dtype.kind == "O" else dict.fromkeys(variable.dims, slice(100))
     tried = variable[first].to_base_variable()
     store = MemoryStore()
     try:
         data = xarray.Dataset({name: (tried.dims, tried.data, tried.attrs)})
         data.to_zarr(store, zarr_format=3, consolidated=False)
         back = xarray.open_zarr(store, chunks=None, consolidated=False).variables
-        reason = "" if name in back and back[name].equals(tried) else "it would not come back"
+        reason = "" if name in back and back[name].equals(tried) else "it is read back otherwise"
     except Exception as error:  # whatever xarray and zarr raise for what they cannot hold
         reason = _reason(error)
     if reason:
         raise InvalidDescription(
             "into",
             f"the coordinate {name!r}, of {variable.dtype}, cannot be stored ({reason}); rename "
-            "it, make it numbers or text, or leave it out with drop_vars",
+            "it, make it numbers or text without attrs, or leave it out with drop_vars",
         )
 
 
@@ -170,4 +170,4 @@ def _writing(path: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, TypeError, ValueError) as error:
-        raise InvalidDescription("into", f"cannot be written: {error}", str(path)) from None
+        raise InvalidDescription("into", f"cannot be written: {error}", str(path)) from error

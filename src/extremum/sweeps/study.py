@@ -64,7 +64,7 @@ class Sweep(Description):
     tol: float | None = value(
         "tol",
         "1",
-        "error at the end; 1e-6, in float32 1e-4",
+        "each step may err by a thirtieth of it, relative to 1 + |x|; 1e-6, in float32 1e-4",
         default=None,
         positive=True,
         literal=is_none,

@@ -40,7 +40,7 @@ class Asked:
     samples
         States are kept at t_end k/(samples − 1), k = 0 … samples − 1; 0 for none.
     tol
-        Local error of a step that is accepted, relative to 1 + |x|.
+        Of the error at the end, relative to 1 + |x|: a step may take a thirtieth of it.
     dtype
         ``"float64"`` or ``"float32"``.
     shorter
