@@ -90,7 +90,7 @@ def integrate(
     scheme = choosing.usual(asked) if scheme is None else scheme
     kernel = KERNELS.get(asked.system, asked.swept, scheme, asked.watch, asked.dtype)
     work = _Work(kernel, asked, scheme)
-    starts = range(0, work.stride, PIECE)
+    starts = range(0, asked.count, PIECE)
     with ThreadPoolExecutor(threads) as pool:
         jobs = [pool.submit(work.run, start) for start in starts]
         try:
@@ -106,45 +106,52 @@ def integrate(
 
 
 class _Work:
-    """The arrays that the kernel reads and writes; a row of whole vectors each."""
+    """What pieces of the loops read and write.
+
+    In a piece, loops of similar frequency share a vector: they take similarly many steps, and few
+    wait for others.
+    """
 
     def __init__(self, kernel: Ready, asked: Asked, scheme: Scheme) -> None:
         self.kernel, self.asked, self.scheme = kernel, asked, scheme
-        layout = kernel.layout
-        width, count = layout.width, asked.count
-        self.stride = -(-count // width) * width
-        given = rows.given(asked, layout.columns)
-        self.columns = np.pad(given, ((0, 0), (0, self.stride - count)), mode="edge")
-        self.out = np.empty((len(layout.left) + len(TAIL), self.stride))
-        number = np.float32 if layout.bits == 32 else np.float64
+        self.given = rows.given(asked, kernel.layout.columns)
+        self.frequencies = choosing.fastest(asked)
+        self.out = np.empty((len(kernel.layout.left) + len(TAIL), asked.count))
         states = len(asked.system.states)
-        self.samples = np.empty((asked.samples, states, self.stride), dtype=number)
+        self.samples = np.empty((asked.samples, states, asked.count), dtype=asked.dtype)
         self.stop = np.zeros(1, dtype=np.int64)
         self.tables = packed(asked.system, asked.dtype)
         self.values = np.ascontiguousarray(asked.values, dtype=float)
 
     def run(self, start: int) -> None:
         """Run the loops of the piece that begins here."""
-        asked, layout = self.asked, self.kernel.layout
-        vectors = min(PIECE, self.stride - start) // layout.width
-        kept = self.samples.ctypes.data + start * layout.bits // 8 if asked.samples else None
+        asked, width = self.asked, self.kernel.layout.width
+        part = slice(start, min(start + PIECE, asked.count))
+        order = np.argsort(self.frequencies[part])
+        stride = -(-len(order) // width) * width
+        padded = np.append(order, np.repeat(order[-1:], stride - len(order)))
+        columns = self.given[:, part].take(padded, axis=1)
+        out = np.empty((len(self.out), stride))
+        samples = np.empty((*self.samples.shape[:2], stride), dtype=asked.dtype)
         self.kernel.run(
             choosing.tolerance(asked, self.scheme),
             asked.t_end,
             self.values.ctypes.data,
-            self.columns.ctypes.data + 8 * start,
-            self.out.ctypes.data + 8 * start,
-            kept,
+            columns.ctypes.data,
+            out.ctypes.data,
+            samples.ctypes.data if asked.samples else None,
             self.tables.ctypes.data,
             self.stop.ctypes.data,
-            self.stride,
-            vectors,
+            stride,
+            stride // width,
             max(asked.samples - 1, 1),
         )
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        self.out[:, part] = out.take(place, axis=1)
+        self.samples[:, :, part] = samples.take(place, axis=2)
 
     def ended(self) -> Ended:
         """Return what became of the loops."""
-        names, count = (*self.kernel.layout.left, *TAIL), self.asked.count
-        return rows.ended(
-            self.asked, names, self.out[:, :count], self.samples[:, :, :count], self.scheme.name
-        )
+        names = (*self.kernel.layout.left, *TAIL)
+        return rows.ended(self.asked, names, self.out, self.samples, self.scheme.name)
