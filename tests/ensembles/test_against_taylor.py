@@ -110,7 +110,7 @@ def check(found: list[Found]) -> None:
         wrong = [f for f in done if f.errors[dtype] > ERRORS[dtype] * (1 + f.amplified)]
         assert not wrong, "\n".join(map(str, wrong))
         calm = np.array([f.errors[dtype] for f in done if f.amplified <= CALM])
-        assert np.quantile(calm, 0.95) < ERRORS[dtype]
+        assert calm.max() < ERRORS[dtype]
         times = np.array([f.errors[dtype] / (1 + f.amplified) for f in found if f.outcome])
         most, all_ = SECONDS[dtype]
         assert np.quantile(times, 0.9) < most
@@ -128,7 +128,6 @@ def test_a_thousand_random_loops() -> None:
     for dtype, limit in ERRORS.items():
         calm = [f.errors[dtype] for f in found if f.outcome == 0 and f.amplified <= CALM]
         assert len(calm) > 400
-        assert np.quantile(calm, 0.98) < limit
         assert np.median(calm) < limit / 10
     outcomes = Counter(f.outcome for f in found)
     assert len(found) == 1000
