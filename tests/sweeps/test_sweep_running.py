@@ -18,6 +18,7 @@ from small_sweeps import interrupted, run
 
 import extremum as es
 from extremum import stores
+from extremum.ensembles.streaming import FLAGS
 from extremum.sweeps import distribution, jobs, layout, sampling
 
 HERE = Path(__file__).parent
@@ -36,7 +37,9 @@ def test_a_store_holds_what_one_ensemble_returns(text, folder):
         assert found[name].dims == variable.dims
         assert (found[name].values == variable.values).all()
         assert found[name].dtype == variable.dtype
-        assert found[name].attrs == {k: stores.plain(v) for k, v in variable.attrs.items()}
+        flags = FLAGS if name == "outcome" else {}
+        attrs = {k: stores.plain(v) for k, v in variable.attrs.items()}
+        assert found[name].attrs == {**attrs, **flags}
     assert found.axis.values.tolist() == ["x", "y"]
     assert dict(found.sizes) == dict(expected.sizes)
     assert found.attrs["loops"] == 60

@@ -65,6 +65,8 @@ def _parser() -> argparse.ArgumentParser:
   extremum equations fig4.toml                its differential equations
   extremum stability fig4.toml                is it stable, and what says so
   extremum design wishes.toml -o loop.toml    a controller that is proved to work
+  extremum sweep study.toml                   many loops, in a store that survives
+  extremum study basin                        a million of them, with a figure
 
 exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is wrong""",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -72,6 +72,18 @@ def _kept(study: Study, store: Path) -> str:
     return f"interrupted: {done}; the same command goes on"
 
 
+def _accuracy(found: xarray.Dataset) -> list[str]:
+    """Return what half the step changed, as text; nothing where no loop completed."""
+    attrs = found.attrs
+    if attrs["error"] is None or attrs["typical_error"] is None:
+        return []
+    largest, typical = f"{attrs['error']:.1e}", f"{attrs['typical_error']:.1e}"
+    return [
+        f"half the step changes the end by {largest} at most, typically {typical}, and "
+        f"{attrs['doubtful']} outcomes (some loops of each job)"
+    ]
+
+
 def _summary(
     study: Study, found: xarray.Dataset, store: Path, tally: _Tally, seconds: float
 ) -> str:
@@ -84,6 +96,7 @@ def _summary(
     ]
     lines = [study.scenario.title] if study.scenario.title else []
     lines.append(f"{total:,} loops: {', '.join(shares)}")
+    lines += _accuracy(found)
     if not tally.called:
         return "\n".join([*lines, f"{store} is complete; there is nothing to do"])
     run = tally.last - tally.first

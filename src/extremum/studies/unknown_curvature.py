@@ -164,6 +164,9 @@ def figure(found: xarray.Dataset) -> Figure:
     return drawn
 
 
+NOBODY: Final = "#e8c9a0"
+"""Colour of cells into which no loop was drawn."""
+
 FEW: Final = 20
 """Quantiles of fewer loops say little."""
 AVERAGED: Final = "averaged condition α c q > ε"
@@ -173,17 +176,23 @@ def _plane(axes: Axes, found: xarray.Dataset) -> None:
     ends = found.grid_x.values[[0, -1]], found.grid_y.values[[0, -1]]
     edges = [np.geomspace(low, high, BINS + 1) for low, high in ends]
     places = found.q_x.values, found.q_y.values
-    every = np.histogram2d(*places, bins=edges)[0].clip(1)
+    every = np.histogram2d(*places, bins=edges)[0]
 
     def share(kind: int) -> Vector:
         there = (found.fate.values == kind).astype(float)
-        return (np.histogram2d(*places, bins=edges, weights=there)[0] / every).T
+        with np.errstate(invalid="ignore"):
+            return (np.histogram2d(*places, bins=edges, weights=there)[0] / every).T
 
     good = share(CONVERGED)
+    axes.set_facecolor(NOBODY)
     painted = axes.pcolormesh(*edges, good, cmap="Blues", vmin=0, vmax=1, rasterized=True)
     middles = [np.sqrt(e[1:] * e[:-1]) for e in edges]
-    axes.contourf(*middles, share(ESCAPED), [0.5, 1.0], colors="none", hatches=["////"])
+    axes.contourf(
+        *middles, np.nan_to_num(share(ESCAPED)), [0.5, 1.0], colors="none", hatches=["////"]
+    )
     axes.fill([], [], facecolor="none", edgecolor="black", hatch="////", label="most escape")
+    if not every.all():
+        axes.fill([], [], facecolor=NOBODY, label="no loop")
     figure: Any = axes.figure
     figure.colorbar(painted, ax=axes, label="share that converges")
     grid = found.grid_x.values, found.grid_y.values
@@ -195,7 +204,7 @@ def _plane(axes: Axes, found: xarray.Dataset) -> None:
     nominal = np.sqrt(np.prod(ends, axis=1))
     axes.plot(*nominal, linestyle="", label="the scenario's curvatures", **STAR)
     axes.set(xscale="log", yscale="log", xlabel="$q_x$ (1/m²)", ylabel="$q_y$ (1/m²)")
-    axes.legend(fontsize=8, loc="upper right", framealpha=1)
+    axes.legend(fontsize=8, loc="center right", framealpha=1)
 
 
 def _shares(axes: Axes, edges: Vector, fates: list[NDArray[Any]]) -> None:

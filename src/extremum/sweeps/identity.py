@@ -25,7 +25,7 @@ def identity(text: str, chunk: tuple[int, ...]) -> dict[str, Any]:
         "version": __version__,
         "study": text,
         "chunk": chunk,
-        "complete": False,
+        "complete": 0,  # NetCDF has no truth
     }
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from .. import stores
+from ..ensembles.streaming import FLAGS
 from ..errors import InvalidDescription, shown
 from . import jobs, sampling
 from .distribution import distribute
@@ -72,7 +73,9 @@ def sweep(
         process or cannot be written. What is done is kept.
     """
     if not isinstance(study, Study):
-        raise InvalidDescription("study", "must be a Study", type(study).__name__)
+        raise InvalidDescription(
+            "study", "must be a Study, such as load_study(path) returns", shown(study)
+        )
     if not isinstance(store, str | Path) or not str(store):
         raise InvalidDescription("store", "must be a path", shown(store))
     folder = Path(store).absolute()
@@ -127,7 +130,7 @@ def run(
             task = partial(jobs.finish, str(store), compute=compute, threads=threads)
             distribute(task, todo, counter.add, workers, scheduler)
         whole = jobs.total(jobs.records(store, layout))
-        stores.set_attributes(store, {**whole, "complete": True})
+        stores.set_attributes(store, {**whole, "complete": 1})
         shutil.rmtree(store / stores.JOBS, ignore_errors=True)
 
 
@@ -147,6 +150,7 @@ def _begin(study: Study, store: Path, compute: Compute) -> None:
     whole.attrs = {key: item for key, item in first.attrs.items() if key not in jobs.TOTALS}
     whole.attrs |= {"loops": study.sweep.count(), **identity(text, layout.chunk)}
     growing = first.drop_vars([name for name in first.variables if name in whole.variables])
+    growing["outcome"].attrs |= FLAGS
     stores.create(store, growing, layout.sizes, layout.chunks, whole)
 
 
