@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from . import plots
 from .controllers import Channel, Controller, Dither, Excitation, GradientES, Probe, Reference
+from .deploy.discrete import DiscreteController, discretize
 from .ensembles import ensemble
 from .errors import InvalidDescription
 from .fields import (
@@ -50,6 +51,16 @@ from .requirements import (
     load_requirements,
     parse_requirements,
 )
+from .sampled.actuators import Actuator
+from .sampled.adapting import Changes, Detector, ShrinkingDither
+from .sampled.limits import Limits
+from .sampled.loop import SampledLoop
+from .sampled.practice import Practice
+from .sampled.sampling import Sampling
+from .sampled.scaling import LogScale, RunningScale, Scale
+from .sampled.sensors import TGS2600, TGS2611, TGS2620, ColouredNoise, Lag, Sensor
+from .sampled.simulating import simulate_sampled
+from .sampled.validity import Validity
 from .scenario import Run, Scenario, View, format_scenario, load_scenario, parse_scenario
 from .simulation import simulate
 from .sweeps import Axis, Study, Sweep, format_study, load_study, parse_study, sweep
@@ -106,18 +117,26 @@ from .vehicles import PointMass, Vehicle
 __version__ = "0.1.0"
 
 __all__ = [
+    "TGS2600",
+    "TGS2611",
+    "TGS2620",
+    "Actuator",
     "Along",
     "Assignment",
     "Average",
     "Axis",
     "Bias",
+    "Changes",
     "Channel",
     "Circle",
     "Collision",
+    "ColouredNoise",
     "Condition",
     "Controller",
     "Critical",
     "Design",
+    "Detector",
+    "DiscreteController",
     "Dither",
     "Excitation",
     "Expression",
@@ -132,8 +151,11 @@ __all__ = [
     "Infeasible",
     "InvalidDescription",
     "InverseSquare",
+    "Lag",
     "Lead",
+    "Limits",
     "Line",
+    "LogScale",
     "Loop",
     "LoopGain",
     "Lyapunov",
@@ -145,6 +167,7 @@ __all__ = [
     "Path",
     "Periodic",
     "PointMass",
+    "Practice",
     "Probe",
     "Quadratic",
     "Ramp",
@@ -153,7 +176,13 @@ __all__ = [
     "Requirements",
     "Rule",
     "Run",
+    "RunningScale",
+    "SampledLoop",
+    "Sampling",
+    "Scale",
     "Scenario",
+    "Sensor",
+    "ShrinkingDither",
     "SourceMotion",
     "Start",
     "Study",
@@ -161,6 +190,7 @@ __all__ = [
     "System",
     "Transfer",
     "TransferFunction",
+    "Validity",
     "Vehicle",
     "Verdict",
     "View",
@@ -180,6 +210,7 @@ __all__ = [
     "cosh",
     "critical_frequency",
     "design",
+    "discretize",
     "ensemble",
     "exp",
     "field_from",
@@ -200,6 +231,7 @@ __all__ = [
     "plots",
     "s",
     "simulate",
+    "simulate_sampled",
     "sin",
     "sinh",
     "sqrt",

@@ -18,7 +18,7 @@ from .diagram import Diagram, Motion
 from .errors import InvalidDescription, shown
 from .lti import Transfer, TransferFunction, transfer
 from .rational import at_frequency, ratio
-from .symbols import axis_names, is_quarter_turn, parse, parse_number, plain, s, t
+from .symbols import axis_names, is_quarter_turn, parse, parse_number, plain
 from .validation import number
 
 
@@ -196,6 +196,10 @@ class Controller(Description, abstract=True):
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
+    def through(self, plants: Sequence[Expr | None]) -> Controller:
+        """Return the controller with the axes' transfer functions in its probes that need them."""
+        return self
+
     @abstractmethod
     def motion(self, axis: int) -> Motion | None:
         """Return the axis' probe; None if it is not steady from t = 0."""
@@ -295,6 +299,17 @@ class GradientES(Controller):
                 "choose another frequency or `through`",
             )
 
+    def through(self, plants: Sequence[Expr | None]) -> GradientES:
+        """Return the controller with the axes' transfer functions in dithers that state none."""
+        found = {
+            f"channels.{i}.dither.through": transfer(plant)
+            for i, (channel, plant) in enumerate(zip(self.channels, plants, strict=True))
+            if isinstance(channel.dither, Dither)
+            and channel.dither.through is None
+            and plant is not None
+        }
+        return self.replace(found) if found else self
+
     def motion(self, axis: int) -> Motion | None:
         """Return (α, ω_i, φ, G), G = 1 for a `Probe`; None with a ramp."""
         if self.probe_ramp is not None:
@@ -326,21 +341,20 @@ class GradientES(Controller):
         start = {"signal": signal, "zero": sympy.Integer(0)}.get(
             str(self.washout_start), self.washout_start
         )
-        eta = diagram.filter(h / (s + h), signal, ["eta"], "1", [start])
-        xi = diagram.signal("xi", signal - eta, "1")
+        xi = diagram.washout(h, signal, start, plain(self.frequency))
         bound = []
         for index, (channel, frequency) in enumerate(
             zip(self.channels, self.frequencies(), strict=True)
         ):
             name, unit = axis_names(len(self.channels))[index], units[index]
             reference = channel.reference or channel.dither
-            demodulated = channel.gain * xi * diagram.sine(frequency, reference.phase)
+            demodulated = channel.gain * xi * diagram.reference(frequency, reference.phase)
             law = channel.compensator.law()
             order = ratio(law).order
             if law != 1:
                 entering = diagram.signal(f"m_{name}", demodulated, unit)
                 states = [f"zeta_{name}" + (f"_{i + 1}" if order > 1 else "") for i in range(order)]
-                output = diagram.filter(law, entering, states, unit)
+                output = diagram.filter(law, entering, states, unit, exact_at=frequency)
                 demodulated = diagram.signal(f"w_{name}", output, unit)
             probe = self._probe(diagram, channel, frequency, plants[index])
             bound.append(diagram.signal(inputs[index], probe + demodulated, unit))
@@ -356,9 +370,8 @@ class GradientES(Controller):
             probe = dither.amplitude * diagram.sine(frequency, dither.phase, 1 / through)
         else:
             probe = dither.amplitude * diagram.sine(frequency, dither.phase)
-        if self.probe_ramp is None:
-            return probe
-        return (1 - sympy.exp(-t / plain(self.probe_ramp))) * probe
+        ramp = None if self.probe_ramp is None else plain(self.probe_ramp)
+        return diagram.envelope(ramp) * probe
 
 
 def _scale(factor: Any, frequency: Any) -> Any:

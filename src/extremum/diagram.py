@@ -14,7 +14,7 @@ from sympy import Expr, Symbol
 
 from .lti import realise
 from .rational import response_parts
-from .symbols import cosine, sine, t
+from .symbols import cosine, s, sine, t
 
 RESERVED: Final = frozenset(("position", "input", "source", "sensor", "time", "axis", "t", "s"))
 """Names that results and expressions give a meaning to."""
@@ -71,11 +71,13 @@ class Diagram:
         names: Sequence[str],
         unit: str,
         initial: Sequence[Expr] | None = None,
+        exact_at: Expr | None = None,
     ) -> Expr:
         """Draw a transfer function; return its output, whose unit is `unit`.
 
         `names` name its states, the first of which has the output's unit, the next that per second
-        and so on; `initial` are their values at t = 0 (default 0).
+        and so on; `initial` are their values at t = 0 (default 0). `exact_at` is the frequency
+        (rad/s) at which a diagram that approximates must not.
         """
         states = tuple(Symbol(name, real=True) for name in names)
         block = realise(transfer, entering, states)
@@ -85,6 +87,22 @@ class Diagram:
         for index, state in enumerate(states):
             self._add(state, per_second(unit, index))
         return block.output
+
+    def washout(self, corner: Expr, signal: Symbol, start: Expr, frequency: Expr) -> Symbol:
+        """Draw ξ = s/(s + h)[J] as J − η, η = h/(s + h)[J], η(0) = `start`; return ξ.
+
+        `frequency` is the one (rad/s) at which it must be exact.
+        """
+        eta = self.filter(corner / (s + corner), signal, ["eta"], "1", [start], frequency)
+        return self.signal("xi", signal - eta, "1")
+
+    def reference(self, frequency: Expr, phase: Expr | float) -> Expr:
+        """Draw what demodulates; return sin(ωt + ψ)."""
+        return self.sine(frequency, phase)
+
+    def envelope(self, ramp: Expr | None) -> Expr:
+        """Draw what the probe is multiplied by; return 1 − e^(−t/T), T = `ramp`, 1 without it."""
+        return sympy.Integer(1) if ramp is None else 1 - sympy.exp(-t / ramp)
 
     def sine(self, frequency: Expr, phase: Expr | float, response: Expr | None = None) -> Expr:
         """Draw an oscillator; return sin(ωt + φ) after the transfer function `response`.

@@ -105,8 +105,9 @@ def expression_text(expression: Expr) -> str:
 def text(system: System, values: Sequence[float] | None = None) -> str:
     """Return the equations as text: signals, rates, initial values and the symbols' meaning."""
     named = [(symbol_text(x.name), expression_text(e)) for x, e in system.signals]
+    after = "d{}/dt" if system.dt is None else "{}\N{SUPERSCRIPT PLUS SIGN}"
     rates = [
-        (f"d{symbol_text(x.name)}/dt", expression_text(e))
+        (after.format(symbol_text(x.name)), expression_text(e))
         for x, e in zip(system.states, system.rhs, strict=True)
     ]
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
@@ -139,8 +140,9 @@ def latex(system: System) -> str:
     """Return the equations as a LaTeX ``aligned`` environment."""
     lines = [f"{sympy.latex(x)} &= {sympy.latex(e)}" for x, e in system.signals]
     begun = {x: Symbol(f"{x.name}(0)") for x, _ in system.signals}
+    after = "\\dot{{{}}}" if system.dt is None else "{{{}}}^+"
     lines += [
-        f"\\dot{{{sympy.latex(x)}}} &= {sympy.latex(e)}, & "
+        f"{after.format(sympy.latex(x))} &= {sympy.latex(e)}, & "
         f"{sympy.latex(x)}(0) &= {sympy.latex(substituted(start, begun))}"
         for x, e, start in zip(system.states, system.rhs, system.initial, strict=True)
     ]

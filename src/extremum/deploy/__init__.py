@@ -1,0 +1,1 @@
+"""The controller carried to real hardware: discrete time, C, and a clock."""

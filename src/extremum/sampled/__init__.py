@@ -1,0 +1,1 @@
+"""Loops and controllers that run at sampling instants t_k = k dt."""

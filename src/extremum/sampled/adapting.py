@@ -1,0 +1,181 @@
+"""What changes while the controller runs: gains and amplitudes, the dither's size, the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy
+from sympy import Expr, Symbol
+
+from ..declarations import is_none
+from ..description import Description, value
+from ..errors import InvalidDescription
+from ..logic import absolute, clamped, minimum, positive
+from ..symbols import plain
+from .diagram import SampledDiagram
+
+SEEKING, ARRIVED, LOST = 0, 1, 2
+"""What `status` is."""
+
+
+class Changes(Description):
+    """Gains and amplitudes that can be changed while the controller runs, without a jump.
+
+    Factors κ of all gains and a of all amplitudes go over to the wanted ones as first-order lags,
+    κ⁺ = κ + (1 − e^(−dt/T)) (κ* − κ): `DiscreteController.change` sets κ* and a*. The loop gain is
+    proportional to κ a. A change is slow, and the averaged loop passes through the designs in
+    between, if T is longer than the loop's own time; the output never jumps, whatever T is.
+
+    Parameters
+    ----------
+    time
+        T (s).
+    """
+
+    time: float = value("T_c", "s", "time constant of a change", positive=True)
+
+    def draw(self, diagram: SampledDiagram, name: str) -> Symbol:
+        """Draw a factor and the wanted one; return the factor."""
+        wanted = diagram.state(f"{name}_wanted", "1", 1)
+        return diagram.lag(name, "1", wanted, plain(self.time), 1)
+
+
+class ShrinkingDither(Description):
+    """A dither that shrinks near the source and grows when the source moves away.
+
+    A factor a of all amplitudes follows the slope: with S = √Σ A_i²/a, A_i the amplitude of ξ at
+    channel i's frequency (see `response`), a* = S/`full` cut to `least` … 1 and
+
+    a⁺ = a + (1 − e^(−dt/T)) (a* − a), T = `grow` where a* > a, else `shrink`.
+
+    The loop gain is a times its own: the averaged loop must be stable for every factor from
+    `least` to 1 (an unstable vehicle needs its smallest gain). Noise moves the vehicle by
+    c σ² dt/(4 a α q) where that is the law of the full dither.
+
+    What the proof needs besides: a ≥ least > 0, so that the loop is excited always; a changes
+    slowly in comparison with the dither, |ȧ|/a ≪ ω (all three times must be longer than a period,
+    refused otherwise), and so that averaging first and letting a change second is right, more
+    slowly than the averaged loop converges: `shrink` longer than 1/|λ| of its slowest mode at
+    `least`. Source: Tan, Nešić, Mareels and Astolfi, Automatica 45 (2009), 245-251 (amplitude
+    decreasing slowly).
+
+    Parameters
+    ----------
+    full
+        S at and above which the dither has its full size (unit of J).
+    least
+        Smallest factor, in 0 … 1.
+    shrink, grow
+        Time constants (s).
+    response
+        Time constant (s) with which A_i is measured.
+    """
+
+    full: float = value("S_1", "1", "response with the full dither", positive=True)
+    least: float = value("a_0", "1", "smallest factor of the dither", positive=True)
+    shrink: float = value("T_shrink", "s", "time constant of shrinking", positive=True)
+    grow: float = value("T_grow", "s", "time constant of growing", positive=True)
+    response: float = value("T_A", "s", "time constant of the response", positive=True)
+
+    def check(self) -> None:
+        """Refuse a factor beyond 1."""
+        if self.least >= 1:
+            raise InvalidDescription("least", "must be less than 1", repr(self.least))
+
+    def check_frequency(self, period: float) -> None:
+        """Refuse times within a dither period (s)."""
+        for name in ("shrink", "grow", "response"):
+            if getattr(self, name) <= period:
+                raise InvalidDescription(
+                    name,
+                    f"must be longer than the slowest dither's period, {period:.4g} s: averaging "
+                    "needs an amplitude that changes slowly",
+                    repr(getattr(self, name)),
+                )
+
+    def factor(self, diagram: SampledDiagram) -> Symbol:
+        """Draw a, still without what it follows."""
+        return diagram.state("a_dither", "1", 1)
+
+    def draw(self, diagram: SampledDiagram, factor: Symbol, response: Expr) -> None:
+        """Let a follow the response of the full dither."""
+        wanted: Any = clamped(response / plain(self.full), plain(self.least), 1)
+        goal = diagram.signal("a_goal", wanted, "1")
+        grow, shrink = (diagram.share(plain(time)) for time in (self.grow, self.shrink))
+        share = positive(goal - factor, grow, shrink)
+        diagram.follow(factor, factor + share * (goal - factor))
+
+
+class Detector(Description):
+    """Whether the vehicle has arrived, is lost, or still seeks.
+
+    With A = √Σ A_i², A_i = 2 |mean of ξ · reference_i| over `response`, the amplitude of ξ at
+    channel i's frequency, about α_i |∂J/∂x_i|: *arrived* when A has stayed below `level` for
+    `time`. *Lost* when no good sample came for the `timeout` of `Validity`, or when the mean of
+    the signal, η = J − ξ, is below `background`. Otherwise *seeking*. It observes only: the loop's
+    stability is not touched.
+
+    At the distance x̃ from a peak of curvature q, A = 2 α q |x̃|: level = 2 α q r detects a radius
+    r. Noise of standard deviation σ per sample puts √(2 σ² dt/response) into each A_i; `level` must
+    be well above.
+
+    Parameters
+    ----------
+    level
+        A (unit of J).
+    time
+        How long (s).
+    response
+        Time constant (s) with which A_i is measured: some periods.
+    background
+        Mean signal (unit of J) below which there is nothing to follow; None for no such limit.
+    """
+
+    level: float = value("A_0", "1", "response at the source", positive=True)
+    time: float = value("T_a", "s", "time of calm", positive=True)
+    response: float = value("T_A", "s", "time constant of the response", positive=True)
+    background: float | None = value(
+        "J_b", "1", "smallest mean signal", default=None, literal=is_none
+    )
+
+    def check_frequency(self, period: float) -> None:
+        """Refuse a response within a dither period (s)."""
+        if self.response <= period:
+            raise InvalidDescription(
+                "response",
+                f"must be longer than the slowest dither's period, {period:.4g} s",
+                repr(self.response),
+            )
+
+    def draw(
+        self, diagram: SampledDiagram, response: Expr, mean: Expr, patience: Expr | None
+    ) -> None:
+        """Draw the verdict."""
+        calm = diagram.state("calm", "s", 0)
+        longer = minimum(calm + diagram.dt, 2 * plain(self.time))
+        still = diagram.signal("still", positive(plain(self.level) - response, longer, 0), "s")
+        diagram.follow(calm, still)
+        verdict: Any = positive(still - plain(self.time), ARRIVED, SEEKING)
+        if self.background is not None:
+            verdict = positive(plain(self.background) - mean, LOST, verdict)
+        if patience is not None:
+            verdict = positive(patience, verdict, LOST)
+        status = diagram.state("status", "1", SEEKING)
+        diagram.follow(status, verdict)
+
+
+def responses(
+    diagram: SampledDiagram, name: str, xi: Expr, references: Sequence[Expr], time: Expr
+) -> Expr:
+    """Draw √Σ A_i², A_i = 2 |mean of ξ · reference_i| as a first-order lag of time constant T."""
+    means: list[Any] = []
+    for i, reference in enumerate(references, 1):
+        past = diagram.state(f"{name}_{i}", "1", 0)
+        mean = diagram.signal(
+            f"mean_{name}_{i}", past + diagram.share(time) * (xi * reference - past), "1"
+        )
+        diagram.follow(past, mean)
+        means.append(mean)
+    size = absolute(*means) if len(means) == 1 else sympy.sqrt(sum(mean**2 for mean in means))
+    return diagram.signal(name, 2 * size, "1")

@@ -1,0 +1,200 @@
+"""A controller with what practice adds to it, drawn as difference equations."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import Any, Final
+
+import sympy
+from sympy import Expr, Symbol
+
+from ..controllers import Controller
+from ..errors import InvalidDescription
+from ..symbols import plain, sine
+from ..symbols import t as time
+from ..system import System
+from .adapting import responses
+from .diagram import Filter, SampledDiagram
+from .practice import Practice
+from .validity import Guarded
+
+FEWEST: Final = 6
+FEW: Final = 20
+"""Samples per period of the fastest dither: fewer are refused, and warned of."""
+
+
+def check_rate(system: System, values: Sequence[float], dt: float) -> None:
+    """Refuse too few samples per period of the fastest dither, and warn of few.
+
+    Raises
+    ------
+    InvalidDescription
+        For fewer than 6 samples a period.
+    """
+    period = system.fastest_period(values)
+    if period is None:
+        return
+    count = period / dt
+    if count < FEWEST * (1 - 1e-12):
+        raise InvalidDescription(
+            "dt",
+            f"leaves {count:.3g} samples in a period of the fastest dither, {period:.6g} s; at "
+            f"least {FEWEST} are needed, {FEW} are good: at most {period / FEW:.3g} s",
+            repr(dt),
+        )
+    if count < FEW * (1 - 1e-12):
+        warnings.warn(
+            f"dt = {dt:g} s leaves {count:.3g} samples in a period of the fastest dither; "
+            f"below {FEW} the hold takes much of it (dt <= {period / FEW:.3g} s avoids that)",
+            UserWarning,
+            stacklevel=4,
+        )
+
+
+def slowest_period(system: System, values: Sequence[float]) -> float:
+    """Return the slowest dither's period (s), 0 without a dither."""
+    found = sympy.lambdify([list(system.symbols)], list(system.carriers), "math")(values)
+    return 2 * math.pi / min(map(abs, found)) if found else 0.0
+
+
+class ControllerDiagram(SampledDiagram):
+    """The diagram that a controller draws itself on: its blocks are conditioned as practice asks.
+
+    It adds to the states and signals of the diagram around it.
+    """
+
+    def __init__(self, around: SampledDiagram, practice: Practice, guarded: Guarded) -> None:
+        self.__dict__.update(around.__dict__)
+        self.filters = []
+        self.practice, self.guarded = practice, guarded
+        self.references: list[Expr] = []
+        self.xi: Expr = sympy.Integer(0)
+        self._corner: tuple[Expr, Expr] | None = None
+        self._ramp: Symbol | None = None
+        self._delays: dict[Expr, Symbol] = {}
+        changes, shrinking = practice.changes, practice.dither
+        self.gain: Expr = sympy.Integer(1) if changes is None else changes.draw(self, "gain")
+        self.amplitude: Expr = (
+            sympy.Integer(1) if changes is None else changes.draw(self, "amplitude")
+        )
+        self.factor: Expr = sympy.Integer(1) if shrinking is None else shrinking.factor(self)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def washout(self, corner: Expr, signal: Symbol, start: Expr, frequency: Expr) -> Symbol:
+        """Draw ξ_k = ξ_(k−1) − a ξ_(k−1) + g ΔJ, a = 2h/(K + h), g = K/(K + h); condition it.
+
+        That is Tustin's s/(s + h) with differences of J, which are exact where J is large.
+        """
+        if start != signal:
+            self.guarded.begin(self, start)
+        warped = self.warp(frequency)
+        self._corner = corner, frequency
+        last = self.state("xi_last", "1", 0)
+        share, gain = 2 * corner / (warped + corner), warped / (warped + corner)
+        xi = self.signal("xi", last - share * last + gain * self.guarded.change, "1")
+        self.follow(last, xi)
+        self.xi = xi
+        scale = self.practice.scale
+        conditioned: Any = xi if scale is None else scale.after(self, xi)
+        return conditioned if self.gain == 1 else self.signal("nu_c", self.gain * conditioned, "1")
+
+    def reference(self, frequency: Expr, phase: Expr | float) -> Expr:
+        """Draw sin(ωt + ψ + δ), −δ what hold, delays and lags make the samples late."""
+        if frequency not in self.carriers:
+            self.carriers.append(frequency)
+        late: Any = sympy.Integer(0)
+        if self.practice.delay is not None:
+            late += frequency * (self.dt / 2 + plain(self.practice.delay))
+        if self.practice.lag is not None:
+            late += sympy.atan(frequency * plain(self.practice.lag))
+        if self._corner is not None and frequency != self._corner[1]:
+            late -= self._lead_error(*self._corner, frequency)
+        if late not in self._delays and late != 0:
+            number = f"_{len(self._delays) + 1}" if self._delays else ""
+            self._delays[late] = self.signal(f"delta{number}", -late, "rad")
+        turned = self._delays[late] if late != 0 else sympy.Integer(0)
+        drawn = sine(frequency * time + turned, phase)
+        self.references.append(drawn)
+        return drawn
+
+    def _lead_error(self, corner: Expr, exact_at: Expr, frequency: Expr) -> Expr:
+        """Return how much more the discretised washout leads at ω than s/(s + h) does."""
+        warped = self.warp(exact_at) * sympy.tan(frequency * self.dt / 2)
+        return sympy.atan(corner / warped) - sympy.atan(corner / frequency)
+
+    def envelope(self, ramp: Expr | None) -> Expr:
+        """Draw what the probe is multiplied by: the ramp, and the factors of its amplitude."""
+        whole = self.amplitude * self.factor
+        if ramp is None:
+            return whole
+        if self._ramp is None:
+            self._ramp = self.lag("ramp", "1", sympy.Integer(1), ramp, 0)
+        return whole * self._ramp
+
+    def feeding(self, command: Symbol) -> list[Filter]:
+        """Return the filters whose output a command is made of."""
+        bound = dict(self.signals)
+        found: set[Any] = set()
+        pending: set[Any] = {command}
+        while pending:
+            symbol = pending.pop()
+            found.add(symbol)
+            pending |= bound.get(symbol, sympy.Integer(0)).free_symbols - found
+        return [f for f in self.filters if f.states[0] in found]
+
+
+def draw(
+    diagram: SampledDiagram,
+    controller: Controller,
+    practice: Practice,
+    signal: Expr,
+    plants: Sequence[Expr | None],
+    inputs: Sequence[str],
+    units: Sequence[str],
+) -> tuple[Symbol, ...]:
+    """Draw a controller and what practice adds; bind and return the commands' symbols.
+
+    Parameters
+    ----------
+    signal
+        The sample, which may be no number.
+    plants, inputs, units
+        As `Controller.compose` takes them.
+    """
+    scale, validity = practice.scale, practice.validity
+    scaled = signal if scale is None else diagram.signal("J_scaled", scale.before(signal), "1")
+    guarded = validity.draw(diagram, signal, scaled)
+    inner = ControllerDiagram(diagram, practice, guarded)
+    authority = validity.authority(inner, guarded)
+    final = practice.limits is None and authority is None
+    names = inputs if final else [f"{name}_wanted" for name in inputs]
+    commands = controller.compose(inner, guarded.held, plants, names, units)
+    sent: list[Any] = list(commands)
+    for i, (name, unit) in enumerate(zip(inputs, units, strict=True)):
+        if practice.limits is not None:
+            filters = inner.feeding(commands[i])
+            sent[i] = practice.limits.draw(inner, name, unit, i, commands[i], filters)
+        if authority is not None:
+            safe = plain(validity.safes(len(inputs))[i])
+            sent[i] = safe + authority * (sent[i] - safe)
+        if not final:
+            sent[i] = inner.signal(name, sent[i], unit)
+    _observe(inner, practice)
+    return tuple(sent)
+
+
+def _observe(diagram: ControllerDiagram, practice: Practice) -> None:
+    """Draw what follows the response at the dither frequencies."""
+    if practice.dither is not None:
+        seen = responses(
+            diagram, "S", diagram.xi, diagram.references, plain(practice.dither.response)
+        )
+        practice.dither.draw(diagram, diagram.factor, seen / diagram.factor)  # pyright: ignore[reportArgumentType]
+    if practice.detector is not None:
+        seen = responses(
+            diagram, "A", diagram.xi, diagram.references, plain(practice.detector.response)
+        )
+        patience = None if practice.validity.timeout is None else diagram.guarded.patience
+        mean = diagram.guarded.held - diagram.xi
+        practice.detector.draw(diagram, seen, mean, patience)

@@ -1,0 +1,153 @@
+"""Which samples are believed, and what happens while none is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import sympy
+from sympy import Expr, Symbol
+
+from ..declarations import is_none
+from ..description import Description, value
+from ..errors import InvalidDescription
+from ..logic import absolute, clamped, minimum, positive
+from ..symbols import plain
+from .diagram import SampledDiagram
+
+HUGE: Final = 1e18
+"""No sample is larger: its square is still a number in single precision."""
+
+LONG: Final = 1e8
+"""Time without a sample (s) that stands for "there has been none"."""
+
+
+class Validity(Description):
+    """When a sample counts, and for how long the controller goes on without one.
+
+    A sample is missing if it is NaN, infinite, beyond ±10¹⁸, outside `low` … `high`, or if it has
+    not changed at all for `stuck`. The last good one is held then and the dither goes on: ξ decays
+    as e^(−ht), and so does what is fed back. With a `timeout`, the output u goes over to the safe
+    one, safe + λ (u − safe), λ falling to 0 within `fade` when no sample was good for `timeout`,
+    and rising to 1 within `fade` when there is one again. The first good sample after a timeout
+    starts the washout anew, ξ going on from where it is, so that the output has no jump.
+
+    While samples are missing the loop is open: it is as stable as the vehicle is by itself. A share
+    m of missing samples, spread evenly, leaves (1 − m) of the loop gain.
+
+    Parameters
+    ----------
+    low, high
+        The range of believable samples (unit of J); None for no such bound.
+    stuck
+        Time (s) after which a sample that repeats exactly is missing; None: never.
+    timeout
+        Time (s) without a good sample before the output fades; None: never.
+    fade
+        Time (s) in which it does.
+    safe
+        The output then, one number per input; None for zeros.
+    """
+
+    low: float | None = value("J_low", "1", "smallest sample", default=None, literal=is_none)
+    high: float | None = value("J_high", "1", "largest sample", default=None, literal=is_none)
+    stuck: float | None = value(
+        "T_stuck", "s", "time of repeats", default=None, positive=True, literal=is_none
+    )
+    timeout: float | None = value(
+        "T_out", "s", "time without a sample", default=None, positive=True, literal=is_none
+    )
+    fade: float = value("T_fade", "s", "time to fade", default=1.0, positive=True)
+    safe: tuple[float, ...] | None = value(
+        "safe", "{input}", "the safe output", default=None, shape="vector", literal=is_none
+    )
+
+    def check(self) -> None:
+        """Refuse a range that holds nothing."""
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise InvalidDescription(
+                "low", f"must be less than high = {self.high!r}", repr(self.low)
+            )
+        if self.stuck is not None and self.stuck >= LONG:
+            raise InvalidDescription("stuck", f"must be less than {LONG:g} s", repr(self.stuck))
+        if self.timeout is not None and self.timeout >= LONG:
+            raise InvalidDescription(
+                "timeout", f"must be less than {LONG:g} s; None is never", repr(self.timeout)
+            )
+
+    def safes(self, inputs: int) -> tuple[Any, ...]:
+        """Return the safe output of every input."""
+        return self.safe if self.safe is not None else (sympy.Float(0.0),) * inputs
+
+    def draw(self, diagram: SampledDiagram, sample: Expr, scaled: Expr) -> Guarded:
+        """Draw the choice of samples.
+
+        Parameters
+        ----------
+        sample, scaled
+            The sample as it came, which may be no number, and after its scale, which is one.
+        """
+        last = diagram.state("J_last", "1", 0)
+        age = diagram.state("age", "s", LONG)
+        good: Any = sympy.Integer(1)
+        if self.high is not None:
+            good = positive(sample - plain(self.high), 0, good)
+        if self.low is not None:
+            good = positive(plain(self.low) - sample, 0, good)
+        good = positive(HUGE - absolute(sample), good, 0)
+        if self.stuck is not None:
+            same = diagram.state("same", "s", 0)
+            more = minimum(same + diagram.dt, LONG)
+            repeats = diagram.signal(
+                "repeats", positive(good, positive(absolute(scaled - last), 0, more), more), "s"
+            )
+            diagram.follow(same, repeats)
+            good = positive(repeats - plain(self.stuck), 0, good)
+        good = diagram.signal("good", good, "1")
+        held = diagram.signal("J_held", positive(good, scaled, last), "1")
+        patience = sympy.Float(LONG / 2) if self.timeout is None else plain(self.timeout)
+        change = diagram.signal("dJ", positive(patience - age, held - last, 0), "1")
+        following = positive(good, 0, minimum(age + diagram.dt, LONG))
+        diagram.follow(last, held)
+        diagram.follow(age, following)
+        diagram.given |= {last: held, age: positive(good, 0, LONG)}
+        return Guarded(last, age, held, change, patience - age)
+
+    def authority(self, diagram: SampledDiagram, guarded: Guarded) -> Symbol | None:
+        """Draw λ, the share of the controller's output that reaches the vehicle."""
+        if self.timeout is None:
+            return None
+        share = diagram.state("authority", "1", 1)
+        step = diagram.dt / plain(self.fade)
+        moved = positive(guarded.patience, share + step, share - step)
+        now = diagram.signal("lambda", clamped(moved, 0, 1), "1")
+        diagram.follow(share, now)
+        return now
+
+
+@dataclass(frozen=True)
+class Guarded:
+    """A signal after the choice of samples.
+
+    Attributes
+    ----------
+    last, age
+        The states: the last sample that counted, and how old it is (s).
+    held
+        The sample, or the last one that counted.
+    change
+        How much it has changed since the last sample; 0 when there was none for long.
+    patience
+        Positive as long as a good sample is not older than the timeout.
+    """
+
+    last: Symbol
+    age: Symbol
+    held: Symbol
+    change: Symbol
+    patience: Expr
+
+    def begin(self, diagram: SampledDiagram, start: Expr) -> None:
+        """Let the signal have been `start` before the first sample."""
+        diagram.begin(self.last, start)
+        diagram.begin(self.age, sympy.Integer(0))
