@@ -14,7 +14,7 @@ from pathlib import Path
 from report import Table, as_data, machine, show, verdict
 from rich.console import Console
 
-MODULES = ("foundation", "rivals", "theory", "design", "ensemble")
+MODULES = ("foundation", "rivals", "theory", "design", "ensemble", "sampled", "sampled_c")
 
 
 def main() -> int:

@@ -30,4 +30,6 @@ def _default(given: Any) -> str:
         return ""
     if isinstance(given, bool | int | float):
         return str(given).lower()
+    if str(given).startswith(f"{type(given).__name__}("):  # with its own defaults
+        return f"{type(given).__name__}()"
     return str(given or "none")

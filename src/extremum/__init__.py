@@ -25,6 +25,9 @@ from __future__ import annotations
 from . import plots
 from .controllers import Channel, Controller, Dither, Excitation, GradientES, Probe, Reference
 from .deploy.discrete import DiscreteController, discretize
+from .deploy.exporting import export_c
+from .deploy.realtime import RealtimeFailure, run_realtime
+from .deploy.running import RealtimeReport
 from .ensembles import ensemble
 from .errors import InvalidDescription
 from .fields import (
@@ -100,11 +103,13 @@ from .theory import (
     Lyapunov,
     Orbit,
     Rule,
+    ShrinkingCheck,
     Verdict,
     assign_frequencies,
     average,
     bias,
     check_frequencies,
+    check_shrinking,
     critical_frequency,
     design,
     loop_gain,
@@ -172,6 +177,8 @@ __all__ = [
     "Quadratic",
     "Ramp",
     "Rational",
+    "RealtimeFailure",
+    "RealtimeReport",
     "Reference",
     "Requirements",
     "Rule",
@@ -182,6 +189,7 @@ __all__ = [
     "Scale",
     "Scenario",
     "Sensor",
+    "ShrinkingCheck",
     "ShrinkingDither",
     "SourceMotion",
     "Start",
@@ -206,6 +214,7 @@ __all__ = [
     "average",
     "bias",
     "check_frequencies",
+    "check_shrinking",
     "cos",
     "cosh",
     "critical_frequency",
@@ -213,6 +222,7 @@ __all__ = [
     "discretize",
     "ensemble",
     "exp",
+    "export_c",
     "field_from",
     "format_requirements",
     "format_scenario",
@@ -229,6 +239,7 @@ __all__ = [
     "periodic_orbit",
     "pi",
     "plots",
+    "run_realtime",
     "s",
     "simulate",
     "simulate_sampled",

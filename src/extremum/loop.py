@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Hashable, Mapping, Sequence
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 import sympy
@@ -20,7 +20,7 @@ from .diagram import Diagram
 from .errors import InvalidDescription, shown, suggestion
 from .fields import Field
 from .lti import Transfer, TransferFunction, settled, static_gain, transfer
-from .parameters import symbolic
+from .parameters import Parameter, symbolic
 from .rational import ratio
 from .symbols import axis_names, coordinates, plain
 from .system import System
@@ -114,6 +114,8 @@ class Loop(Description):
     """
 
     root = True
+    sampled: ClassVar[bool] = False
+    """Whether its controller runs at samples, so that its equations are difference equations."""
 
     field: Field = part(Field, "the map that is maximised")
     vehicle: Vehicle = part(Vehicle, "from inputs to position")
@@ -233,17 +235,97 @@ class Loop(Description):
     @property
     def values(self) -> NDArray[np.float64]:
         """The numbers, in the order of ``system.parameters``."""
-        return np.array(self._flat[1])
+        return self.system.completed(np.array(self._flat[1]))
+
+    @property
+    def continuous(self) -> Loop:
+        """The loop without sampling: itself."""
+        return self
+
+    @property
+    def counts(self) -> Hashable:
+        """Whole numbers that decide the form of the equations and follow from the loop's numbers.
+
+        Equal structure with equal counts is the same `system`.
+        """
+        return ()
+
+    def counting(self, varied: Container[str]) -> Hashable:
+        """Return which counts depend on the numbers at the `varied` paths, and are letters too."""
+        return ()
+
+    def covering(self, ends: Callable[[str], tuple[float, float] | None]) -> Loop:
+        """Return this loop with counts as large as any loop's of an ensemble, and its own.
+
+        `ends` takes a path to the smallest and the largest number there, None if it is not swept.
+        """
+        return self
+
+    def lettered(
+        self, reserved: frozenset[str], varied: Container[str]
+    ) -> tuple[Any, tuple[Parameter, ...]]:
+        """Return the loop with symbols for its numbers, and the parameters.
+
+        No symbol takes a `reserved` name, and the numbers at the `varied` paths are symbols
+        whatever they are.
+        """
+        axes = self.vehicle.dimension()
+        letters = axis_names(max(axes, self.controller.inputs()))
+        form, _ = symbolic(self, len(letters), {}, varied=varied)
+        form._check_start(axes)
+        units = dict(zip(letters, form.vehicle.input_units(), strict=False))
+        return symbolic(self, len(letters), units, reserved, varied)
+
+    def drawn(self, reserved: frozenset[str], varied: Container[str]) -> tuple[System, Loop]:
+        """Return the equations, and the loop with their symbols for its numbers."""
+        twin, parameters = self.lettered(reserved, varied)
+        names, units = twin.vehicle.input_names(), twin.vehicle.input_units()
+        diagram = Diagram()
+        inputs = tuple(Symbol(name, real=True) for name in names)
+        initial = initial_state(twin.start, twin.vehicle, twin.controller)
+        body = twin.vehicle.compose(diagram, inputs, initial)
+        signal = diagram.signal("J", twin.field.law(body.sensor), "1")
+        sensed = _sensed(diagram, twin.sensor.law(), signal)
+        twin.controller.compose(diagram, sensed, twin.vehicle.dynamics(), names, units)
+        outputs: dict[str, tuple[Expr, ...]] = {
+            "position": body.position,
+            "sensor": body.sensor,
+            "J": (signal,),
+            "input": inputs,
+        }
+        source = twin.field.maximum()
+        if source is not None:
+            outputs["source"] = source
+        system = System(
+            states=tuple(diagram.states),
+            rhs=tuple(diagram.rhs),
+            initial=tuple(plain(e) for e in diagram.initial),
+            inputs=inputs,
+            outputs=MappingProxyType(outputs),
+            signals=tuple(diagram.signals),
+            parameters=parameters,
+            units=MappingProxyType(diagram.units),
+            carriers=tuple(diagram.carriers),
+            oracles=MappingProxyType(dict(self.field.oracles())),
+        )
+        return system, twin
 
     @cached_property
     def _flat(self) -> tuple[tuple[Any, ...], list[float]]:
         return flatten(self)
 
 
-def checked(loop: Any) -> Loop:
-    """Return a loop as it is, and refuse anything else: what every verb does first."""
+def checked(loop: Any, *, sampled: bool = False) -> Loop:
+    """Return a loop as it is, and refuse anything else: what every verb does first.
+
+    A sampled loop is one only for verbs that say so.
+    """
     if not isinstance(loop, Loop):
         raise InvalidDescription("loop", "must be a Loop", shown(loop))
+    if loop.sampled and not sampled:
+        raise InvalidDescription(
+            "loop", "is sampled, and this is for continuous loops; take loop.continuous"
+        )
     return loop
 
 
@@ -279,7 +361,8 @@ def varied(loop: Loop, paths: Sequence[str]) -> tuple[System, NDArray[np.float64
     skeleton, values = flatten(loop, names)
     system, _ = _shared(loop, skeleton, names)
     order = [parameter.path for parameter in system.parameters]
-    return system, np.array(values), tuple(order.index(name) for name in names)
+    numbers = system.completed(np.array(values))
+    return system, numbers, tuple(order.index(name) for name in names)
 
 
 _KEPT = 256
@@ -290,63 +373,24 @@ _SYSTEMS: dict[Any, tuple[System, Loop]] = {}
 def _shared(
     loop: Loop, skeleton: tuple[Any, ...], names: Container[str] = ()
 ) -> tuple[System, Loop]:
+    key = skeleton, loop.counts, loop.counting(names)
     with _LOCK:
-        if skeleton not in _SYSTEMS:
-            while len(_SYSTEMS) >= _KEPT:
-                _SYSTEMS.pop(next(iter(_SYSTEMS)))
-            _SYSTEMS[skeleton] = _assemble(loop, names)
-        return _SYSTEMS[skeleton]
+        found = _SYSTEMS.pop(key, None) or _assemble(loop, names)
+        while len(_SYSTEMS) >= _KEPT:
+            _SYSTEMS.pop(next(iter(_SYSTEMS)))  # the one not asked for longest
+        _SYSTEMS[key] = found
+        return found
 
 
 def _assemble(loop: Loop, varied: Container[str]) -> tuple[System, Loop]:
     reserved: frozenset[str] = frozenset()
     while True:
-        system, twin = _compose(loop, reserved, varied)
+        system, twin = loop.drawn(reserved, varied)
         drawn = {str(symbol) for symbol in system.units} | {"t", "J"}
         clash = drawn & {str(symbol) for symbol in system.symbols}
         if not clash:
             return system, twin
         reserved |= clash
-
-
-def _compose(loop: Loop, reserved: frozenset[str], varied: Container[str]) -> tuple[System, Loop]:
-    axes = loop.vehicle.dimension()
-    letters = axis_names(max(axes, loop.controller.inputs()))
-    form, _ = symbolic(loop, len(letters), {}, varied=varied)
-    form._check_start(axes)
-    names, units = form.vehicle.input_names(), form.vehicle.input_units()
-    twin, parameters = symbolic(
-        loop, len(letters), dict(zip(letters, units, strict=False)), reserved, varied
-    )
-    diagram = Diagram()
-    inputs = tuple(Symbol(name, real=True) for name in names)
-    initial = _initial(twin.start, twin.vehicle, twin.controller)
-    body = twin.vehicle.compose(diagram, inputs, initial)
-    signal = diagram.signal("J", twin.field.law(body.sensor), "1")
-    sensed = _sensed(diagram, twin.sensor.law(), signal)
-    twin.controller.compose(diagram, sensed, twin.vehicle.dynamics(), names, units)
-    outputs: dict[str, tuple[Expr, ...]] = {
-        "position": body.position,
-        "sensor": body.sensor,
-        "J": (signal,),
-        "input": inputs,
-    }
-    source = twin.field.maximum()
-    if source is not None:
-        outputs["source"] = source
-    system = System(
-        states=tuple(diagram.states),
-        rhs=tuple(diagram.rhs),
-        initial=tuple(plain(e) for e in diagram.initial),
-        inputs=inputs,
-        outputs=MappingProxyType(outputs),
-        signals=tuple(diagram.signals),
-        parameters=parameters,
-        units=MappingProxyType(diagram.units),
-        carriers=tuple(diagram.carriers),
-        oracles=MappingProxyType(dict(loop.field.oracles())),
-    )
-    return system, twin
 
 
 def _sensed(diagram: Diagram, law: Expr, signal: Symbol) -> Symbol:
@@ -359,5 +403,6 @@ def _sensed(diagram: Diagram, law: Expr, signal: Symbol) -> Symbol:
     return diagram.signal(SENSED.name, diagram.filter(law, signal, states, "1", begun), "1")
 
 
-def _initial(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:
+def initial_state(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:
+    """Return the vehicle's state at t = 0: at rest at a position, or what a `Start` says."""
     return vehicle.rest(start) if isinstance(start, tuple) else start.state(vehicle, controller)

@@ -10,6 +10,7 @@ from .description import Description, part, structure, value
 from .documents import Reader, entries, opened, parsed, table, written
 from .errors import InvalidDescription, shown
 from .loop import Loop
+from .sampled.loop import SampledLoop
 from .validation import number
 
 
@@ -91,7 +92,7 @@ class Scenario(Description):
     Parameters
     ----------
     loop
-        The loop.
+        The loop; a `SampledLoop` where the file has a table ``[sampling]``.
     run
         `Run`: duration and samples.
     title, note
@@ -122,7 +123,7 @@ class Scenario(Description):
                 )
 
 
-_LOOP = ("field", "vehicle", "controller", "start", "sensor")
+_LOOP = ("field", "vehicle", "controller", "start", "sensor", "sampling")
 TOP: Final = ("title", "note", "run", *_LOOP, "view")
 """The keys at the top of a scenario file."""
 
@@ -147,7 +148,7 @@ def stated(data: Mapping[str, Any], folder: Path) -> Scenario:
     loop = {key: data[key] for key in _LOOP if key in data}
     rest = {key: data[key] for key in ("title", "note") if key in data}
     return Scenario(
-        loop=reader.build(Loop, loop, ""),
+        loop=reader.build(SampledLoop if "sampling" in loop else Loop, loop, ""),
         run=reader.build(Run, table(data, "run"), "run"),
         view=reader.build(View, table(data, "view", {}), "view"),
         **rest,

@@ -48,7 +48,8 @@ def simulate(
     Parameters
     ----------
     loop
-        The loop.
+        The loop. A `SampledLoop` is run as `simulate_sampled` does; its `samples` are a number, and
+        `tol` and `engine` are not for it.
     t_end
         Duration (s).
     samples
@@ -82,13 +83,15 @@ def simulate(
         If `t_end`, `samples`, `tol` or `engine` cannot be right, or the field has no value at the
         start.
     """
+    if isinstance(loop, Loop) and loop.sampled:
+        return _sampled(loop, t_end, samples, tol, engine, title, progress)
     times = _times(checked(loop), t_end, samples)
     tol, t_end = positive("tol", tol), positive("t_end", t_end)
     if not 1e-16 < tol < 1e-1:
         raise InvalidDescription("tol", "must lie between 1e-16 and 0.1", shown(tol))
     system, values = loop.system, loop.values.tolist()
     name = _engine(system, engine)
-    start = _start(system, values)
+    start = started(system, values)
     integrate = ENGINES[name].integrate
     dense, wanted = _dense(times, system.fastest_period(values))
     whole = integrate(system, values, dense, tol=tol, state=start, progress=progress)
@@ -105,8 +108,8 @@ def simulate(
         kept = wanted[wanted < len(run.times)]
         run = replace(run, times=run.times[kept], states=run.states[kept])
         outputs = {name: output[kept] for name, output in outputs.items()}
-    dataset = _dataset(system, run, outputs, bounds)
-    dataset.attrs |= {
+    result = dataset(system, run, outputs, bounds)
+    result.attrs |= {
         "title": title,
         "outcome": run.outcome,
         "end_time": run.end_time,
@@ -116,7 +119,19 @@ def simulate(
         "tol": tol,
         "scenario": scenario_text(loop, t_end, samples, title),
     }
-    return dataset
+    return result
+
+
+def _sampled(
+    loop: Loop, t_end: Any, samples: Any, tol: Any, engine: Any, title: str, progress: Any
+) -> xarray.Dataset:
+    from .sampled.simulating import ran
+
+    for name, given, usual_one in (("tol", tol, TOLERANCE), ("engine", engine, None)):
+        if given != usual_one:
+            reason = "is for continuous loops: a sampled one is stepped exactly; leave it out"
+            raise InvalidDescription(name, reason, shown(given))
+    return ran(loop, t_end, samples=samples, title=title, progress=progress)  # pyright: ignore
 
 
 def _times(loop: Loop, t_end: float, samples: Any) -> NDArray[np.float64]:
@@ -180,7 +195,8 @@ def _engine(system: System, engine: str | None) -> str:
     return engine
 
 
-def _start(system: System, values: list[float]) -> list[float]:
+def started(system: System, values: list[float]) -> list[float]:
+    """Return the state at t = 0, and refuse one at which the field has no value."""
     try:
         state = [float(x) for x in system.start(values)]
         if system.guards:
@@ -190,6 +206,7 @@ def _start(system: System, values: list[float]) -> list[float]:
                     "start", f"lies {-margin:g} m outside the field's data; start inside"
                 )
         outputs = system.evaluate(np.zeros(1), np.array([state]), values)
+        outputs.pop("sensed", None)  # a sample may be lost
         defined = all(np.isfinite(o).all() for o in (state, *outputs.values()))
     except InvalidDescription:
         raise
@@ -217,18 +234,20 @@ def _cut(
     return shorter, {name: o[:count] for name, o in outputs.items()}
 
 
-def _dataset(
+def dataset(
     system: System,
     run: Trajectory,
     outputs: dict[str, NDArray[np.float64]],
     bounds: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> xarray.Dataset:
+    """Return a run's outputs and states, with units; `bounds` are outputs' extremes."""
     import xarray
 
     units = [system.units[symbol] for symbol in system.inputs]
     described = {
         "position": ("m", "position", {}),
         "J": ("1", "value of the field", {}),
+        "sensed": ("1", "what the controller receives", {}),
         "input": (
             units[0] if len(set(units)) == 1 else ", ".join(units),
             "input",
@@ -243,8 +262,9 @@ def _dataset(
             attrs: dict[str, Any] = {"units": unit, "long_name": long_name, **more}
             if name in bounds:
                 attrs["min"], attrs["max"] = bounds[name]
-            if name == "J":
+            if name in ("J", "sensed"):
                 column, dims = column[:, 0], ("time",)
+            if name == "J":
                 attrs["min"], attrs["max"] = attrs["min"][0], attrs["max"][0]
             variables[name] = xarray.Variable(dims, column, attrs, fastpath=True)
     for symbol, state in zip(system.states, run.states.T, strict=True):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sympy import Expr, Symbol
 from sympy.core.function import AppliedUndef
 
+from .logic import normal, uniform
 from .parameters import Parameter
 from .symbols import substituted
 from .symbols import t as time
@@ -84,8 +85,34 @@ class Oracle:
 
 
 @dataclass(frozen=True, eq=False)
+class Derived:
+    """Numbers that are functions of the others, such as a matrix exponential's entries.
+
+    Attributes
+    ----------
+    count
+        How many: the last parameters of the system.
+    paths
+        What they depend on: the beginnings of dotted paths, such as ``"vehicle"``.
+    function
+        The other parameters' numbers, (P, n), in order → theirs, (count, n).
+    """
+
+    count: int
+    paths: frozenset[str]
+    function: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+    def depends(self, path: str) -> bool:
+        """Return whether they vary with the number at a dotted path."""
+        return any(path == start or path.startswith(f"{start}.") for start in self.paths)
+
+
+@dataclass(frozen=True, eq=False)
 class System:
     """ẋ = f(x, p, t) with everything named; no numbers.
+
+    With `dt` it is difference equations instead: `rhs` are the states a sampling time later, and
+    signals and outputs hold at t = k dt.
 
     Two systems are the same if they are the same object: a `Loop` builds one for each structure
     and keeps it, and engines keep what they compile under it.
@@ -113,6 +140,8 @@ class System:
         The symbol of time.
     dt
         None for differential equations; the sampling time's symbol for difference equations.
+    derived
+        The last parameters, if they are functions of the others that no formula states.
     """
 
     states: tuple[Symbol, ...]
@@ -127,11 +156,27 @@ class System:
     oracles: Mapping[str, Oracle] = field(default_factory=dict)
     time: Symbol = time
     dt: Symbol | None = None
+    derived: Derived | None = None
 
     @property
     def symbols(self) -> tuple[Symbol, ...]:
         """The parameters' symbols, in the order of the vector of values."""
         return tuple(parameter.symbol for parameter in self.parameters)
+
+    @cached_property
+    def seeds(self) -> frozenset[Any]:
+        """The symbols of the random numbers' seeds."""
+        signals = (e for _, e in self.signals)
+        outputs = (e for expressions in self.outputs.values() for e in expressions)
+        everything = (*self.rhs, *self.initial, *signals, *outputs)
+        calls: set[Any] = set().union(*(e.atoms(normal, uniform) for e in everything))
+        return frozenset().union(*(call.args[0].free_symbols for call in calls))
+
+    def completed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the vector of values: those given, and those that are `derived` from them."""
+        if self.derived is None:
+            return values
+        return np.concatenate([values, self.derived.function(values[:, None])[:, 0]])
 
     @cached_property
     def guards(self) -> tuple[Expr, ...]:

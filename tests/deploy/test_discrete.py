@@ -105,6 +105,34 @@ def test_an_oscillator_goes_all_the_way_round() -> None:
     assert np.abs(u.T - np.array(expected)).max() < 3e-13
 
 
+def test_every_channel_demodulates_at_the_continuous_washouts_phase() -> None:
+    """Also channels whose frequency is not the one at which the washout is exact."""
+    h, omega, dt = 10.0, 6.0, 2 * math.pi / 9.0 / 24  # 24 samples of the faster one
+    pairs = [(ratio, phase) for ratio in (Fraction(1), Fraction(3, 2)) for phase in (0.0, -pi / 2)]
+    channels = tuple(
+        es.Channel(es.Probe(1e-9), gain=1.0, reference=phase, ratio=ratio) for ratio, phase in pairs
+    )
+    of = es.GradientES(frequency=omega, washout=h, channels=channels)
+    ctrl = es.discretize(of, dt)
+    count = 36 * 40
+    for ratio in (Fraction(1), Fraction(3, 2)):
+        w = float(ratio) * omega
+        u = ctrl.run([math.sin(w * k * dt) for k in range(2 * count)])[-count:].mean(axis=0)
+        response = 1j * w / (1j * w + h)
+        first = 2 * [r for r, _ in pairs].index(ratio) // 2
+        along, across = u[first], u[first + 1]
+        assert math.atan2(-across, along) == pytest.approx(np.angle(response), abs=1e-9)
+        if ratio == 1:
+            assert math.hypot(along, across) == pytest.approx(abs(response) / 2, rel=1e-9)
+
+
+def test_a_ramp_is_exact_at_the_samples() -> None:
+    of = FIG4.controller.replace({"probe_ramp": 0.3, "channels.0.gain": 0.0})
+    u = es.discretize(of, 1e-3, vehicle=FIG4.vehicle).run([1.0] * 2000)[:, 0]
+    times = 1e-3 * np.arange(2000)
+    assert np.abs(u - (1 - np.exp(-times / 0.3)) * 2.4 * np.cos(30 * times)).max() < 1e-12
+
+
 def test_commensurate_oscillators_never_part() -> None:
     channels = tuple(
         es.Channel(es.Probe(1.0), gain=0.0, reference=0.0, ratio=ratio)
@@ -129,6 +157,7 @@ def test_skipping_is_as_many_steps_for_the_phase_and_the_age() -> None:
     assert skipped.phase == stepped.phase
     assert skipped.age == pytest.approx(stepped.age)
     assert skipped.xi_last == state.xi_last
+    assert ctrl.skip(state, 0) == state
 
 
 def test_a_record_is_placed_at_its_instants() -> None:
@@ -195,3 +224,5 @@ def test_a_factor_cannot_be_nothing() -> None:
         ctrl.change(state, amplitude=0)
     with pytest.raises(es.InvalidDescription, match="finite"):
         ctrl.change(state, gain=math.inf)
+    with pytest.raises(es.InvalidDescription, match="must be at most 1e"):
+        ctrl.change(state, gain=1e7)

@@ -160,6 +160,14 @@ def test_limits_and_rates_are_kept() -> None:
     assert free.max() > 3.0
 
 
+def test_a_fade_keeps_the_rate_and_begins_where_it_is_safe() -> None:
+    limits, validity = es.Limits(rate=(40.0,)), es.Validity(timeout=0.1, fade=1e-3, safe=(1.5,))
+    u = fed(made(limits=limits, validity=validity), [*signal(500), *[None] * 500, *signal(500)])
+    assert u[0] == pytest.approx(1.54)
+    assert np.abs(np.diff(u)).max() == pytest.approx(40.0 * DT)
+    assert u[900] == 1.5
+
+
 def test_limits_out_of_reach_change_nothing() -> None:
     lead = es.Lead(5.0, -0.5, -3.0)
     of = controller(compensator=lead, dither=es.Dither(ALPHA, through=1 / s**2))
@@ -354,13 +362,15 @@ def test_the_verdict_is_seeking_then_arrived_then_lost_then_seeking() -> None:
 
 
 def test_a_signal_in_the_background_is_lost() -> None:
+    """The mean counts, η = J − ξ: a step of J is at first all ξ."""
     ctrl = made(detector=es.Detector(level=0.1, time=1.0, response=0.5, background=0.5))
     state = ctrl.init(1.0)
-    for sample, verdict in ((1.0, "seeking"), (0.2, "lost")):
-        for k in range(4000):
-            _, state = ctrl.step(state, sample + 1e-6 * math.sin(k))
-        found = ctrl.status(state)
-        assert found == ("arrived" if verdict == "seeking" else "lost")
+    for sample, before, after in ((1.0, "seeking", "arrived"), (0.2, "arrived", "lost")):
+        _, state = ctrl.step(state, sample)
+        assert ctrl.status(state) == before
+        for _ in range(4000):
+            _, state = ctrl.step(state, sample)
+        assert ctrl.status(state) == after
 
 
 # --- refusals ---------------------------------------------------------------------------------
@@ -376,6 +386,7 @@ def test_a_signal_in_the_background_is_lost() -> None:
         (lambda: es.Limits(low=(1.0,), high=(0.0,)), "must be less than high.0"),
         (lambda: es.Limits(low=(1.0,), high=(2.0, 3.0)), "one number per input"),
         (lambda: es.Limits(rate=(0.0,)), "greater than 0"),
+        (lambda: es.RunningScale(1.0, 1e-20), "its square is 0"),
         (lambda: es.Practice(delay=-1e-3), "must not be negative"),
         (lambda: es.Practice(lag=0.1), "must be given with a lag"),
         (lambda: es.ShrinkingDither(1, 1.5, 9, 9, 9), "must be less than 1"),

@@ -11,7 +11,7 @@ from .. import __version__
 from ..errors import InvalidDescription
 from ..papers.zhang2007 import NAMES
 from ..studies import NAMES as STUDIES
-from . import commands, interrupts, studying, sweeping
+from . import commands, exporting, interrupts, studying, sweeping
 
 WRONG, INTERRUPTED = 2, 130
 
@@ -67,6 +67,7 @@ def _parser() -> argparse.ArgumentParser:
   extremum design wishes.toml -o loop.toml    a controller that is proved to work
   extremum sweep study.toml                   many loops, in a store that survives
   extremum study basin                        a million of them, with a figure
+  extremum export c fig4.toml --dt 1e-3 -o DIR  its controller for firmware, in C
 
 exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is wrong""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -80,6 +81,7 @@ exit status: 0 completed, 1 escaped, left the data or not stable, 2 the input is
     _add_design(verbs)
     _add_sweep(verbs)
     _add_study(verbs)
+    _add_export(verbs)
     return parser
 
 
@@ -224,3 +226,33 @@ def _add_study(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> No
     study.add_argument("--loops", metavar="N", type=int, help="how many; at most so many are run")
     study.add_argument("--force", action="store_true", help="overwrite existing files")
     study.set_defaults(command=studying.study)
+
+
+def _add_export(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    export = verbs.add_parser(
+        "export",
+        help="write a scenario's controller as C",
+        description="Write a scenario's controller for other machines.",
+    )
+    kinds = export.add_subparsers(metavar="LANGUAGE", required=True)
+    c = kinds.add_parser(
+        "c",
+        help="a C99 header, with a Python file and a README",
+        description="Write a scenario's controller, as it runs on samples, as one self-contained "
+        "C99 header\n(C++17 too), PREFIX.h, with the same for MicroPython, PREFIX.py, and "
+        "README.md.",
+        epilog="""examples:
+  extremum export c fig4.toml --dt 1e-3 -o firmware             esc.h, esc.py and README.md
+  extremum export c fig4.toml --dt 1e-3 -o firmware --single    float only, for small processors
+  extremum export c fig4.toml --dt 2e-3 -o . --prefix seek      seek.h, seek.py and README.md""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    c.add_argument("scenario", metavar="SCENARIO.toml")
+    c.add_argument(
+        "--dt", type=float, metavar="S", help="time between two samples; else the file's [sampling]"
+    )
+    c.add_argument("-o", "--output", metavar="DIR", default=".", help="folder to write into")
+    c.add_argument("--prefix", default="esc", help="what every name in C begins with: esc")
+    c.add_argument("--single", action="store_true", help="single precision only")
+    c.add_argument("--force", action="store_true", help="overwrite existing files")
+    c.set_defaults(command=exporting.export_c)

@@ -50,6 +50,8 @@ def _outcome(run: xarray.Dataset, seconds: float) -> str:
         "escaped": f"escaped to infinity at t = {end:.6g} s; the run ends there",
         "left the data": f"left the field's data at t = {end:.6g} s; the run ends there",
     }[outcome]
+    if run.attrs["engine"] == "sampled":
+        return f"{words}   [sampled every {run.attrs['dt']:g} s, {seconds:.2g} s]"
     engine = {"taylor": "Taylor (heyoka)", "reference": "DOP853 (SciPy)"}[run.attrs["engine"]]
     if not taylor.available():
         engine += "; heyoka is not installed, so every run uses it"

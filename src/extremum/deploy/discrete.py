@@ -17,7 +17,7 @@ from ..controllers import Controller
 from ..description import Description, flatten, part, structure, value
 from ..errors import InvalidDescription, shown
 from ..parameters import symbolic
-from ..sampled.adapting import ARRIVED, LOST, SEEKING
+from ..sampled.adapting import ARRIVED, LARGEST, LOST, SEEKING
 from ..sampled.controlling import check_rate, draw, slowest_period
 from ..sampled.diagram import SampledDiagram
 from ..sampled.practice import Practice
@@ -266,6 +266,8 @@ def _factor(name: str, given: Any, positive: bool) -> float:
         factor = number(given)
     except InvalidDescription as error:
         raise error.within(name) from None
+    if factor > LARGEST:
+        raise InvalidDescription(name, f"must be at most {LARGEST:g}", shown(given))
     if factor < 0 or (positive and not factor):
         reason = "must be greater than 0: without a dither nothing is sought"
         raise InvalidDescription(name, reason if positive else "must not be negative", shown(given))

@@ -191,7 +191,7 @@ def polynomial(precision: int) -> tuple[float, ...]:
 
         def even(z: Any) -> Any:
             root = mpmath.sqrt(z)
-            return mpmath.sin(2 * mpmath.pi * root) / root if z else 2 * mpmath.pi
+            return mpmath.sin(2 * mpmath.pi * root) / root
 
         found = mpmath.chebyfit(even, [0, edge], TERMS[precision])
         return tuple(float(c) for c in reversed(found))  # pyright: ignore[reportArgumentType, reportCallIssue]

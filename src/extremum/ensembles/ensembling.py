@@ -52,9 +52,10 @@ def ensemble(
     ----------
     loop
         The loop; its numbers hold where `over` says nothing else. The field must be a formula or
-        gridded data, not `Opaque`.
+        gridded data, not `Opaque`. A `SampledLoop` takes steps of ``sampling.dt``, exactly: means
+        are then over its samples, and maxima and crossings those of the samples.
     t_end
-        Duration (s).
+        Duration (s); of a sampled loop a whole number of sampling times.
     over
         Dotted path of a number → its values. Arrays broadcast as in NumPy, over dimensions called
         ``loop`` (one) or ``loop_0``, ``loop_1``, …; `xarray.DataArray` s broadcast by the names of
@@ -79,15 +80,15 @@ def ensemble(
         For ``"settling_time"`` (m).
     samples
         How many equispaced times, 0 and `t_end` among them, trajectories are kept at; None for
-        none.
+        none. Of a sampled loop they must be sampling instants.
     tol
         Each step may err by a thirtieth of it, relative to 1 + |x|; what that comes to at the end
         is measured, see ``error`` below. In gridded fields it sets the step's length. None: 1e-6,
-        in ``"float32"`` 1e-4; there at least 1e-5.
+        in ``"float32"`` 1e-4; there at least 1e-5. Sampled loops have no use for it.
     device
-        ``"cpu"``, or ``"cuda"`` for an NVIDIA GPU.
+        ``"cpu"``, or ``"cuda"`` for an NVIDIA GPU, which does not run sampled loops yet.
     dtype
-        ``"float64"`` or ``"float32"``: what is computed with, and returned.
+        ``"float64"`` or ``"float32"``, not for sampled loops: what is computed with, and returned.
     threads
         How many threads of the CPU; None for all that the process may use.
     into
@@ -109,14 +110,15 @@ def ensemble(
         ``scenario``, the text of `loop`. Up to 256 loops are run once more with half the step:
         ``error`` and ``typical_error`` are the largest and the median change of their final
         states, relative to 1 + |x|, and ``doubtful`` says how many of them then had another
-        outcome.
+        outcome; all 0 for sampled loops, whose steps are no approximations.
 
     Raises
     ------
     InvalidDescription
         For a path that names no number, values that cannot be right (with the index of the first),
         shapes that do not broadcast, arguments that do not fit each other, results that do not
-        fit into memory, and coordinates that no store can hold.
+        fit into memory, coordinates that no store can hold, and for sampled loops durations or
+        samples between sampling instants, and delays of different numbers of whole samples.
 
     Notes
     -----

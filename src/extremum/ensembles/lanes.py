@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..engines.lanes.random import LARGEST
 from ..errors import InvalidDescription, shown
 from ..parameters import Parameter
 from ..validation import number
@@ -75,6 +76,20 @@ class Lanes:
             table[row] = _floats(variable[where])
         return table
 
+    def numbers(self, row: int) -> Iterator[Numbers]:
+        """Return all different numbers at a path, block by block."""
+        variable = tuple(self.swept.values())[row]
+        chunk = regions.chunked(variable.shape, regions.LIMIT)
+        for region in regions.regions(variable.shape, chunk):
+            yield np.unique(_floats(variable[region]))
+
+    def ends(self, path: str) -> tuple[float, float] | None:
+        """Return the smallest and the largest number at a path, None if it is not swept."""
+        if path not in self.swept:
+            return None
+        parts = [*self.numbers(list(self.swept).index(path))]
+        return min(float(part[0]) for part in parts), max(float(part[-1]) for part in parts)
+
     def index(self, place: int) -> tuple[int, ...]:
         """Return a loop's index along the dimensions."""
         return tuple(int(i) for i in np.unravel_index(place, self.shape))
@@ -113,11 +128,14 @@ def lanes(over: Any, taken: Sequence[str]) -> Lanes:
     return Lanes(made.dims, made.shape, ordered, made.coords)
 
 
-def checked_numbers(lanes: Lanes, parameters: Sequence[Parameter]) -> list[int]:
-    """Refuse numbers that are not finite, or not positive where they must be.
+def checked_numbers(
+    lanes: Lanes, parameters: Sequence[Parameter], seeds: Container[Any] = ()
+) -> list[int]:
+    """Refuse numbers that are not finite, not positive where they must be, and what is no seed.
 
     Returns the places, in C order, of loops in which each number is the first, the smallest and
-    the largest. `parameters` are the swept ones, in the order of the lanes.
+    the largest. `parameters` are the swept ones, in the order of the lanes; `seeds` the symbols
+    of those that are seeds of random numbers.
     """
     found = {0}
     for (path, variable), parameter in zip(lanes.swept.items(), parameters, strict=True):
@@ -125,7 +143,8 @@ def checked_numbers(lanes: Lanes, parameters: Sequence[Parameter]) -> list[int]:
         chunk = regions.chunked(variable.shape, regions.LIMIT)
         for region in regions.regions(variable.shape, chunk):
             part = _floats(variable[region])
-            bad = _bad(part, bool(parameter.symbol.is_positive))
+            is_seed = parameter.symbol in seeds
+            bad = _no_seed(part) if is_seed else _bad(part, bool(parameter.symbol.is_positive))
             if bad:
                 place, reason = bad
                 index = _shifted(part, place, region)
@@ -150,6 +169,14 @@ def _bad(part: Numbers, positive: bool) -> tuple[int, str] | None:
         return None
     place = int(np.argmin(good))
     return place, f"must be {'greater than 0' if finite.flat[place] else 'a finite number'}"
+
+
+def _no_seed(part: Numbers) -> tuple[int, str] | None:
+    """Return where the first number is that is no seed, and what it must be."""
+    good = (part >= 0) & (part <= LARGEST) & (part == np.rint(part))
+    if good.all():
+        return None
+    return int(np.argmin(good)), f"must be a whole number between 0 and {LARGEST:,}"
 
 
 def _shifted(part: Numbers, place: int, region: regions.Region) -> tuple[int, ...]:

@@ -10,8 +10,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engines.lanes.accuracy import SAMPLE, Accuracy, estimate
+from ..engines.lanes.accuracy import EXACT, SAMPLE, Accuracy, estimate
 from ..engines.lanes.asked import Asked, Ended
+from ..engines.lanes.difference import check_number, check_steps
 from ..errors import InvalidDescription, shown
 from ..loop import Loop, checked, varied
 from ..parameters import Parameter
@@ -63,6 +64,14 @@ class Task:
         """The parameters that vary, in the order of `lanes`."""
         return [self.system.parameters[place] for place in self.places]
 
+    @property
+    def following(self) -> tuple[int, ...]:
+        """Which numbers vary because they are derived from some that do."""
+        derived, total = self.system.derived, len(self.system.parameters)
+        if derived is None or not any(derived.depends(p.path) for p in self.swept):
+            return ()
+        return tuple(range(total - derived.count, total))
+
     def chunk(self) -> tuple[int, ...]:
         """Return the shape of a block of loops that fits into memory with its samples."""
         sampled = max(1, self.samples * len(self.system.states))
@@ -81,24 +90,35 @@ class Task:
             return Memory(self.lanes, found, own, attrs)
         return Store(path, self.lanes, chunk, found, coords, attrs)
 
-    def numbers(self, table: NDArray[np.float64]) -> list[Any]:
+    def completed(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the numbers at the paths, (paths, n), and below them those that follow."""
+        if not self.following:
+            return table
+        derived, count = self.system.derived, table.shape[1]
+        assert derived is not None
+        others = np.repeat(self.values[: -derived.count, None], count, axis=1)
+        others[list(self.places)] = table
+        return np.concatenate([table, derived.function(others)])
+
+    def numbers(self, columns: NDArray[np.float64]) -> list[Any]:
         """Return the parameters' numbers, those that vary as arrays."""
         numbers: list[Any] = self.values.tolist()
-        for place, row in zip(self.places, table, strict=True):
+        for place, row in zip((*self.places, *self.following), columns, strict=True):
             numbers[place] = row
         return numbers
 
     def asked(self, table: NDArray[np.float64]) -> Asked:
         """Return what an engine is asked for loops with these numbers, (paths, n)."""
-        watch, count = self.keeping.watch, table.shape[1]
+        watch, whole = self.keeping.watch, self.completed(table)
         window = None
         if watch.last_mean:
-            window = last_periods(self.system, self.numbers(table), self.t_end, count)
+            count = table.shape[1]
+            window = last_periods(self.system, self.numbers(whole), self.t_end, count)
         return Asked(
             system=self.system,
             values=self.values,
-            swept=self.places,
-            columns=table,
+            swept=(*self.places, *self.following),
+            columns=whole,
             t_end=self.t_end,
             watch=watch,
             window=window,
@@ -113,6 +133,8 @@ class Task:
 
     def accuracy(self, integrate: Callable[..., Ended]) -> Accuracy:
         """Run some of the loops twice, with different steps."""
+        if self.system.dt is not None:
+            return EXACT
         count = self.lanes.count
         some = np.linspace(0, count - 1, min(count, SAMPLE)).astype(np.int64)
         asked = replace(self, samples=0).asked(self.lanes.at(some))
@@ -149,19 +171,27 @@ def prepared(
     loop: Any, t_end: Any, over: Any, keep: Any, radius: Any, samples: Any, tol: Any, dtype: Any
 ) -> Task:
     """Return what the arguments of `ensemble` ask for, or refuse them."""
-    checked(loop)
+    checked(loop, sampled=True)
     duration = positive("t_end", t_end)
     found = lanes(over, taken(loop.system))
-    system, values, places = varied(loop, tuple(found.swept))
+    system, _, places = varied(loop, tuple(found.swept))
     if any(oracle.table is None for oracle in system.oracles.values()):
         raise InvalidDescription(
             "field",
             "is known by its values only (Opaque), which an ensemble cannot run; write it with "
             "field_from or Expression, or put its values on a Grid",
         )
-    extremes = checked_numbers(found, [system.parameters[place] for place in places])
+    swept = [system.parameters[place] for place in places]
+    extremes = checked_numbers(found, swept, system.seeds)
     _check_loops(loop, found, extremes)
-    tolerance = _tolerance(tol, dtype)
+    system, values, places = varied(loop.covering(found.ends), tuple(found.swept))
+    tolerance, kept = _tolerance(tol, dtype), _samples(samples)
+    if system.dt is not None:
+        check_number(dtype)
+        dt = system.symbols.index(system.dt)
+        lengths = found.numbers(places.index(dt)) if dt in places else [values[dt]]
+        for length in lengths:
+            check_steps(duration, length, kept)
     return Task(
         system=system,
         values=values,
@@ -169,7 +199,7 @@ def prepared(
         lanes=found,
         keeping=keeping(system, keep, radius),
         t_end=duration,
-        samples=_samples(samples),
+        samples=kept,
         tol=tolerance,
         dtype=dtype,
     )

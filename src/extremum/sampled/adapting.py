@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import sympy
 from sympy import Expr, Symbol
@@ -18,14 +18,18 @@ from .diagram import SampledDiagram
 SEEKING, ARRIVED, LOST = 0, 1, 2
 """What `status` is."""
 
+LARGEST: Final = 1e6
+"""Of the factors that `Changes` takes."""
+
 
 class Changes(Description):
     """Gains and amplitudes that can be changed while the controller runs, without a jump.
 
     Factors κ of all gains and a of all amplitudes go over to the wanted ones as first-order lags,
-    κ⁺ = κ + (1 − e^(−dt/T)) (κ* − κ): `DiscreteController.change` sets κ* and a*. The loop gain is
-    proportional to κ a. A change is slow, and the averaged loop passes through the designs in
-    between, if T is longer than the loop's own time; the output never jumps, whatever T is.
+    κ⁺ = κ + (1 − e^(−dt/T)) (κ* − κ): `DiscreteController.change` sets κ* and a*, at most 10⁶. The
+    loop gain is proportional to κ a. A change is slow, and the averaged loop passes through the
+    designs in between, if T is longer than the loop's own time; the output never jumps, whatever T
+    is.
 
     Parameters
     ----------
@@ -117,7 +121,7 @@ class Detector(Description):
     stability is not touched.
 
     At the distance x̃ from a peak of curvature q, A = 2 α q |x̃|: level = 2 α q r detects a radius
-    r. Noise of standard deviation σ per sample puts √(2 σ² dt/response) into each A_i; `level` must
+    r. Noise of standard deviation σ per sample puts σ √(dt/response) into each A_i; `level` must
     be well above.
 
     Parameters

@@ -172,12 +172,13 @@ def draw(
     commands = controller.compose(inner, guarded.held, plants, names, units)
     sent: list[Any] = list(commands)
     for i, (name, unit) in enumerate(zip(inputs, units, strict=True)):
+        safe = plain(validity.safes(len(inputs))[i])
+        if authority is not None:
+            faded = safe + authority * (sent[i] - safe)
+            sent[i] = inner.signal(f"{name}_faded", faded, unit) if practice.limits else faded
         if practice.limits is not None:
             filters = inner.feeding(commands[i])
-            sent[i] = practice.limits.draw(inner, name, unit, i, commands[i], filters)
-        if authority is not None:
-            safe = plain(validity.safes(len(inputs))[i])
-            sent[i] = safe + authority * (sent[i] - safe)
+            sent[i] = practice.limits.draw(inner, name, unit, i, sent[i], safe, filters)
         if not final:
             sent[i] = inner.signal(name, sent[i], unit)
     _observe(inner, practice)

@@ -96,12 +96,16 @@ class Limits(Description):
         unit: str,
         index: int,
         wanted: Symbol,
+        begin: Expr,
         filters: Sequence[Filter],
     ) -> Expr:
-        """Draw the limits of one input and the anti-windup of its filters; return what is sent."""
+        """Draw the limits of one input and the anti-windup of its filters; return what is sent.
+
+        `begin` is what was sent before the first sample.
+        """
         sent: Any = wanted
         if self.rate is not None:
-            last = diagram.state(f"{name}_last", unit, 0)
+            last = diagram.state(f"{name}_last", unit, begin)
             step = plain(self.rate[index]) * diagram.dt
             sent = clamped(sent, last - step, last + step)
         sent = self._bounded(sent, index)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from typing import Any
+from typing import Any, Final
 
 import sympy
 from sympy import Expr
 
 from ..description import Description, value
+from ..errors import InvalidDescription
 from ..logic import maximum
 from ..symbols import plain
 from .diagram import SampledDiagram
+
+LEAST: Final = 1e-18
+"""The smallest number whose square is one in single precision too."""
 
 
 class Scale(Description, abstract=True):
@@ -24,10 +27,6 @@ class Scale(Description, abstract=True):
     def after(self, diagram: SampledDiagram, xi: Expr) -> Expr:
         """Return ξ after its scale."""
         return xi
-
-    @abstractmethod
-    def law(self) -> str:
-        """Return what it does to the averaged loop, in one line."""
 
 
 class LogScale(Scale):
@@ -49,10 +48,6 @@ class LogScale(Scale):
     def before(self, sample: Expr) -> Expr:
         """Return ln max(J, floor)."""
         return sympy.log(maximum(sample, plain(self.floor)))  # pyright: ignore[reportReturnType]
-
-    def law(self) -> str:
-        """Return its effect."""
-        return "loop gain divided by J(p)"
 
 
 class RunningScale(Scale):
@@ -81,6 +76,13 @@ class RunningScale(Scale):
     time: float = value("T_s", "s", "T of the running mean of ξ²", positive=True)
     floor: float = value("xi_0", "1", "size of ξ that is noise", positive=True)
 
+    def check(self) -> None:
+        """Refuse a floor whose square is 0 in single precision."""
+        if self.floor < LEAST:
+            raise InvalidDescription(
+                "floor", f"must be at least {LEAST:g}, or its square is 0", repr(self.floor)
+            )
+
     def after(self, diagram: SampledDiagram, xi: Expr) -> Expr:
         """Draw σ² and return ν."""
         past = diagram.state("sigma2", "1", 0)
@@ -89,7 +91,3 @@ class RunningScale(Scale):
         diagram.follow(past, now)
         floor = plain(self.floor)
         return diagram.signal("nu", xi / sympy.sqrt(now + floor * floor), "1")
-
-    def law(self) -> str:
-        """Return its effect."""
-        return "loop gain 2√2 c/α at the peak, whatever q is; speed c/√2 far away"

@@ -151,7 +151,7 @@ class Axis(Description):
             name = "distribution" if self.scale == "linear" else "scale"
             raise InvalidDescription(name, "is a range's, and values are given; leave it out")
 
-    def extremes(self) -> tuple[float, ...]:
+    def extremes(self) -> tuple[float, float]:
         """Return the smallest and largest number that it can take."""
         if self.values is not None:
             return min(self.values), max(self.values)

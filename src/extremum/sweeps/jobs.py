@@ -37,7 +37,7 @@ def ensembled(
 
     sweep = study.sweep
     return ensemble(
-        study.scenario.loop,
+        study.scenario.loop.covering(sweep.ends),
         study.scenario.run.t_end,
         over=over,
         keep=sweep.keep,

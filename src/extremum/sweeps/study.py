@@ -155,6 +155,13 @@ class Sweep(Description):
             for axis in self.axes.values()
         )
 
+    def ends(self, path: str) -> tuple[float, float] | None:
+        """Return the smallest and the largest number at a path, None if no axis sets it."""
+        for name, axis in self.axes.items():
+            if path in self.paths(name):
+                return axis.extremes()
+        return None
+
     def dims(self) -> tuple[str, ...]:
         """Return the names of the results' dimensions: the axes of a grid, else ``loop``."""
         return tuple(self.axes) if self.method == "grid" else ("loop",)

@@ -14,6 +14,7 @@ from .probing import (
     assign_frequencies,
     check_frequencies,
 )
+from .shrinking import ShrinkingCheck, check_shrinking
 from .synthesis import Design, Infeasible, Rule, design
 from .verdict import Verdict, stability
 
@@ -31,11 +32,13 @@ __all__ = [
     "Lyapunov",
     "Orbit",
     "Rule",
+    "ShrinkingCheck",
     "Verdict",
     "assign_frequencies",
     "average",
     "bias",
     "check_frequencies",
+    "check_shrinking",
     "critical_frequency",
     "design",
     "loop_gain",

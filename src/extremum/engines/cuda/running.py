@@ -139,6 +139,9 @@ def integrate(
 
 
 def _check(asked: Asked) -> None:
+    if asked.system.dt is not None:
+        reason = "a sampled loop does not run on a GPU yet; use device='cpu'"
+        raise InvalidDescription("device", reason, "'cuda'")
     if asked.system.oracles:
         reason = "a gridded field does not run on a GPU yet; use device='cpu'"
         raise InvalidDescription("device", reason, "'cuda'")

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ...system import Compiled, System
 from .asked import Asked, Numbers
-from .program import Scheme, program
-from .schemes import RK4, RungeKutta, Taylor
+from .difference import Difference
+from .program import Scheme, program, undefinable
+from .schemes import RK4, Taylor
 from .watch import Watch
 
 SHARE: Final = 1 / 30
@@ -37,13 +38,17 @@ HUGE: Final = {"float64": 1e90, "float32": 1e9}
 """A state beyond which a loop that came to no end has escaped."""
 
 
-def usual(asked: Asked) -> Taylor | RungeKutta:
-    """Return Taylor's method of the order that costs least, RK4 for tables.
+def usual(asked: Asked) -> Scheme:
+    """Return Taylor's method of the order that costs least; RK4 for tables.
+
+    Difference equations are their own scheme.
 
     The coefficients of a series that converges within ρ fall like ρ^−k, so that the step is
     ρ tol^(1/p): a unit of time costs flops(p) tol^(−1/p), and a little more where the code of a
     step is too long to stay in the first-level cache.
     """
+    if asked.system.dt is not None:
+        return Difference()
     if asked.system.oracles:
         return RK4
 
@@ -75,6 +80,18 @@ def numbers(asked: Asked, part: slice = slice(None)) -> list[Any]:
     for row, index in enumerate(asked.swept):
         values[index] = asked.columns[row, part]
     return values
+
+
+def paces(asked: Asked) -> Numbers:
+    """Return numbers to which every loop's number of steps is about proportional."""
+    return fastest(asked) if asked.system.dt is None else 1 / sampling(asked)
+
+
+def sampling(asked: Asked) -> Numbers:
+    """Return every loop's sampling time (s); for difference equations."""
+    assert asked.system.dt is not None
+    place = asked.system.symbols.index(asked.system.dt)
+    return np.broadcast_to(np.asarray(numbers(asked)[place], float), asked.count)
 
 
 def fastest(asked: Asked) -> Numbers:
@@ -148,7 +165,8 @@ def outcomes(
     """Return 0 for loops that came to the end, 1 for those that escaped, 2 for the others.
 
     A loop that came to no end has escaped if a state is huge, or grows by `STEEP` of itself within
-    a radian of the dither, or if the field has values further on (`AHEAD`).
+    a radian of the dither, or if the field has values further on (`AHEAD`). Difference equations
+    come to an end by their states, or where the field has no value.
     """
     found = np.zeros(asked.count, dtype=np.int8)
     broken = np.flatnonzero(~completed)
@@ -157,7 +175,9 @@ def outcomes(
     there = states[:, broken].astype(float)
     size = np.abs(there).max(axis=0)
     escaped = size > HUGE[asked.dtype]
-    if not asked.system.guards:
+    if asked.system.dt is not None:
+        escaped |= not (asked.system.guards or undefinable(asked.system))
+    elif not asked.system.guards:
         rates = _rates(asked.system, asked, broken, times[broken], there)
         with np.errstate(invalid="ignore", over="ignore"):
             limit = STEEP * (1 + size) * fastest(asked)[broken]

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from . import random
 from .tape import Tape
 
 
@@ -61,8 +62,11 @@ _OPERATIONS: Final[Mapping[str, Callable[..., Any]]] = {
     "finite": lambda x: np.where(np.isfinite(x), 1.0, -1.0)[()],
     "unit": lambda x: np.clip(x, 0.0, 1.0),
     "positive": lambda x, a, b: np.where(x > 0, a, b)[()],
+    "nearest": np.rint,
     "logarithm": _logarithm,
     "power of two": _power,
+    "uniform": lambda *numbers: random.evaluated(random.uniform, *numbers),
+    "normal": lambda *numbers: random.evaluated(random.normal, *numbers),
     "sqrt": np.sqrt,
     "exp": np.exp,
     "log": np.log,

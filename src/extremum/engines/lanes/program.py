@@ -19,7 +19,7 @@ FUNCTION: Final = 20
 
 _SIMPLE: Final = ("add", "subtract", "multiply", "divide", "sqrt")
 _FREE: Final = (
-    *("state", "time", "part", "left", "negative", "absolute", "maximum", "minimum"),
+    *("state", "time", "step", "part", "left", "negative", "absolute", "maximum", "minimum"),
     *("logarithm", "power of two", "finite"),
 )
 
@@ -66,9 +66,10 @@ class Program:
     """One step of a loop and how it begins; numbers name values on the tape.
 
     Leaves of the tape: ``value`` i is a parameter, ``state`` i; ``sine`` and ``cosine`` of
-    oscillator i at the step's beginning; ``time`` there (s), ``part`` the step's length in units
-    of H, ``left`` the time from there to the last window in units of H; ``tol``; ``length`` is H
-    where the caller says it.
+    oscillator i at the step's beginning; ``time`` there (s), and ``step``, the same in units of H,
+    whole where every step has the length H; ``part`` the step's length in units of H, ``left`` the
+    time from there to the last window in units of H; ``tol``; ``length`` is H where the caller
+    says it.
 
     Attributes
     ----------
@@ -159,9 +160,12 @@ class Ground:
         self.time = tape.leaf("time", 0, STEP)
         self.part = tape.leaf("part", 0, STEP)
         symbols = frozenset(self.parameters)
-        self.constants = Plain(tape, self.parameters, system.time, symbols, _timeless)
+        begun = None if system.dt is None else tape.constant(0.0)
+        self.constants = Plain(tape, self.parameters, system.time, symbols, _timeless, begun)
         self.pace = 1 / system.carriers[0] if self.paced and system.carriers else None
-        if self.pace is not None:
+        if system.dt is not None:
+            self.unit = self.parameters[system.dt]
+        elif self.pace is not None:
             self.unit = self.constants.read(self.pace)
         else:
             self.unit = tape.leaf("length", 0, LOOP)
@@ -206,21 +210,36 @@ class Ground:
             **dict(zip(self.system.states, states, strict=True)),
             self.system.time: tape.add(self.time, elapsed),
         }
-        reading = Plain(tape, bound, self.system.time, frozenset(self.parameters), waves)
+        step = None
+        if self.system.dt is not None:
+            step = tape.add(tape.leaf("step", 0, STEP), fraction)
+        reading = Plain(tape, bound, self.system.time, frozenset(self.parameters), waves, step)
         for symbol, expression in self.system.signals:
             reading.bind(symbol, expression)
         return reading
 
     def guards(self, states: Sequence[int]) -> tuple[int, ...]:
-        """Return what is negative after the step where the field has no value."""
+        """Return what is negative after the step where the field has no value.
+
+        Of difference equations only J counts: they say themselves what they make of a sample that
+        is no number.
+        """
         if self.system.guards:
             reading = self.at(states, self.tape.constant(1.0))
             return tuple(reading.read(guard) for guard in self.system.guards)
-        limited = [symbol for symbol, e in self.system.signals if _is_limited(e)]
+        limited = undefinable(self.system)
         if not limited:
             return ()
-        reading = self.at(states, self.part)
+        reading = self.at(states, self.part if self.system.dt is None else self.tape.constant(1.0))
         return tuple(self.tape.call("finite", reading.read(symbol)) for symbol in limited)
+
+
+def undefinable(system: System) -> list[Symbol]:
+    """Return the signals that may have no value and end a loop then."""
+    found = [symbol for symbol, e in system.signals if _is_limited(e)]
+    if system.dt is None:
+        return found
+    return [symbol for symbol in found if symbol in system.outputs.get("J", ())]
 
 
 def _is_limited(expression: Expr) -> bool:

@@ -10,6 +10,7 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.core.function import AppliedUndef
 
+from ...logic import normal, uniform
 from .tape import Tape
 
 V = TypeVar("V")
@@ -66,6 +67,8 @@ class Reading(ABC, Generic[V]):
         if isinstance(expression, AppliedUndef):
             arguments = [self.read(a) for a in expression.args]
             return self.oracle(expression.func.__name__, arguments)
+        if isinstance(expression, normal | uniform):
+            return self.random(expression)
         if expression.is_Function:
             return self.call(type(expression).__name__, [self.read(a) for a in expression.args])
         raise TypeError(f"no engine has {expression}, a {type(expression).__name__}")
@@ -97,6 +100,12 @@ class Reading(ABC, Generic[V]):
         half = self._whole(base, exponent // 2)
         square = self.square(half)
         return self.product([square, base]) if exponent % 2 else square
+
+    def random(self, expression: Expr) -> V:
+        """Return a random number."""
+        raise TypeError(
+            f"only the samples of difference equations have random numbers: {expression}"
+        )
 
     @abstractmethod
     def number(self, number: float) -> V:
@@ -149,6 +158,9 @@ class Plain(Reading[int]):
     ----------
     oscillators
         ω → (sin ωt, cos ωt) at this reading's time.
+    step
+        The number of the step that this is read at, on which random numbers depend; None where
+        there are none.
     """
 
     def __init__(
@@ -158,9 +170,20 @@ class Plain(Reading[int]):
         time: Symbol,
         parameters: frozenset[Symbol],
         oscillators: Waves,
+        step: int | None = None,
     ) -> None:
         super().__init__(tape, bound, time, parameters)
-        self._oscillators = oscillators
+        self._oscillators, self._step = oscillators, step
+
+    def random(self, expression: Expr) -> int:
+        """Record a random number of the step."""
+        if self._step is None:
+            return super().random(expression)
+        seed, stream = expression.args
+        if not (isinstance(stream, sympy.Integer) and stream >= 0):
+            raise TypeError(f"a stream of random numbers is 0, 1, 2, …: {expression}")
+        which = self.tape.constant(int(stream))
+        return self.tape.call(type(expression).__name__, self.read(seed), self._step, which)
 
     def number(self, number: float) -> int:
         """Record a number."""

@@ -204,22 +204,35 @@ class RungeKutta:
             return tape.convolution(zip(weights, seen, strict=True))
 
         states = _moved(ground, begun, rates, self.b)
-        zero, one, none = (tape.constant(number) for number in (0.0, 1.0, -1.0))
-        first, last = stages[0], ground.at(states, one)
-
-        def crossed(expression: Expr) -> int:
-            before = tape.call("positive", first.read(expression), zero, none)
-            return tape.call("positive", last.read(expression), one, before)
-
-        inside = tape.subtract(one, tape.call("unit", ground.left()))
+        first, last = stages[0], ground.at(states, tape.constant(1.0))
+        share = inside(ground)
         return Stepped(
             states=tuple(states),
             part=None,
             means=tuple(averaged(e) for e in watch.mean),
-            last=tuple(tape.multiply(inside, averaged(e)) for e in watch.last_mean),
-            maxima=tuple(tape.call("maximum", first.read(e), last.read(e)) for e in watch.maxima),
-            beyond=tuple(crossed(e) for e in watch.beyond),
+            last=tuple(tape.multiply(share, averaged(e)) for e in watch.last_mean),
+            maxima=tuple(larger(first, last, e) for e in watch.maxima),
+            beyond=tuple(crossed(first, last, e) for e in watch.beyond),
         )
+
+
+def inside(ground: Ground) -> int:
+    """Return the part of a step of length H that lies in the last window."""
+    tape = ground.tape
+    return tape.subtract(tape.constant(1.0), tape.call("unit", ground.left()))
+
+
+def larger(first: Plain, last: Plain, expression: Expr) -> int:
+    """Return the larger of the values at a step's ends."""
+    return first.tape.call("maximum", first.read(expression), last.read(expression))
+
+
+def crossed(first: Plain, last: Plain, expression: Expr) -> int:
+    """Return the last of a step's ends, 0 and 1, at which the value is positive, −1 if none."""
+    tape = first.tape
+    zero, one, none = (tape.constant(number) for number in (0.0, 1.0, -1.0))
+    before = tape.call("positive", first.read(expression), zero, none)
+    return tape.call("positive", last.read(expression), one, before)
 
 
 def _moved(

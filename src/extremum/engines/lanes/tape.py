@@ -167,6 +167,7 @@ _FUNCTIONS: Final = (
 _FOLDED: Final = {
     **{name: getattr(math, name) for name in _FUNCTIONS},
     "absolute": abs,
-    "maximum": max,
-    "minimum": min,
+    "maximum": lambda a, b: a if a > b else b,
+    "minimum": lambda a, b: a if a < b else b,
+    "positive": lambda x, a, b: a if x > 0 else b,
 }

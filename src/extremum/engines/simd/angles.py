@@ -8,7 +8,7 @@ minimax for a relative error (Remez). Beyond |x| = 10¹² (10⁵), and at ±∞,
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import nan
+from math import nan, pi
 from typing import Final
 
 from .arithmetic import MANTISSA, nearest, polynomial, reduced, sign_flipped
@@ -99,12 +99,21 @@ def _quarters(e: Emitter, x: str) -> tuple[str, str, str, str]:
     """Return sin r, cos r, whether n is odd (a mask), a number with n in its low bits."""
     n, shifted = nearest(e, size := _near(e, x), 0.6366197723675814)
     r = reduced(e, size, n, _HALF_PI[e.bits])
+    return *_to_quarter_pi(e, r), _is_odd(e, shifted), shifted
+
+
+def _to_quarter_pi(e: Emitter, r: str) -> tuple[str, str]:
+    """Return sin r and cos r, |r| ≤ π/4."""
     z = e.multiply(r, r)
     sine = e.fma(e.multiply(r, z), polynomial(e, z, _SIN_TO_QUARTER_PI[e.bits]), r)
     parabola = e.fma(z, e.constant(-0.5), e.constant(1.0))
     cosine = e.fma(e.multiply(z, z), polynomial(e, z, _COS_TO_QUARTER_PI[e.bits]), parabola)
+    return sine, cosine
+
+
+def _is_odd(e: Emitter, shifted: str) -> str:
     last = e.integral("and", e.as_bits(shifted), e.integer(1))
-    return sine, cosine, e.compare_integers("ne", last, e.integer(0)), shifted
+    return e.compare_integers("ne", last, e.integer(0))
 
 
 def sincos(e: Emitter, x: str) -> tuple[str, str]:
@@ -116,6 +125,16 @@ def sincos(e: Emitter, x: str) -> tuple[str, str]:
         sign_flipped(e, e.select(odd, cosine, sine), ups, e.as_bits(x)),
         sign_flipped(e, e.select(odd, sine, cosine), _bit_to_sign(e, shifted, 1, more=1)),
     )
+
+
+def sine_of_turns(e: Emitter, u: str, ahead: int) -> str:
+    """Return sin 2π(u + ahead/4), 0 ≤ u ≤ 1; no rounding in the reduction."""
+    e = e.like()
+    n, shifted = nearest(e, u, 4.0, low=ahead)
+    r = e.fma(n, e.constant(-0.25), u)
+    sine, cosine = _to_quarter_pi(e, e.multiply(r, e.constant(2 * pi)))
+    value = e.select(_is_odd(e, shifted), cosine, sine)
+    return sign_flipped(e, value, _bit_to_sign(e, shifted, 1))
 
 
 def tan(e: Emitter, x: str) -> str:

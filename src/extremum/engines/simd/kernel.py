@@ -152,11 +152,12 @@ class Kernel:
         self.memory.put(double.select(runs, goal, time), slots["until"], double)
 
     def _goal(self, slots: dict[str, str], segments: str) -> str:
-        """Return the end of so many segments in units of H."""
+        """Return the end of so many segments in units of H, whole where every step is H."""
         double, plain = self.double, self.plain
         done, count = (plain.value(f"uitofp i64 {n} to double") for n in (segments, "%segments"))
         end = spread(double, plain.multiply("%end", plain.divide(done, count)))
-        return double.divide(end, self.memory.load(slots["unit"], double))
+        goal = double.divide(end, self.memory.load(slots["unit"], double))
+        return double.rounded(goal) if self.program.step.part is None else goal
 
     def _arrived(self, slots: dict[str, str], segments: str) -> str:
         """Return which loops have come to the end of so many segments."""
@@ -263,6 +264,8 @@ class Kernel:
             elif operation.name == "time":
                 seconds = double.multiply(time, self.memory.load(slots["unit"], double))
                 found[value] = self.memory.narrowed(seconds, double)
+            elif operation.name == "step":
+                found[value] = self.memory.narrowed(time, double)
             elif operation.name == "left":
                 left = double.subtract(self.memory.load(slots["begin"], double), time)
                 found[value] = self.memory.narrowed(left, double)

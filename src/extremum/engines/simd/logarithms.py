@@ -114,6 +114,12 @@ def log(e: Emitter, x: str) -> str:
     return _ends(e, x, _logarithm(e, _normal_split(e, x)))
 
 
+def log_of_positive(e: Emitter, x: str) -> str:
+    """Return ln x of positive normal numbers."""
+    e = e.like()
+    return _logarithm(e, _split(e, x))
+
+
 def _log_of_sum(e: Emitter, high: str, low: str, doublings: str | None = None) -> str:
     """Return ln(2^doublings (high + low)), |low| at most half an ulp of high."""
     split = _split(e, high)

@@ -10,6 +10,7 @@ from ..lanes.tape import Operation, Tape
 from .arithmetic import BIAS, MANTISSA
 from .emitter import Emitter
 from .mathematics import FUNCTIONS
+from .random import RANDOM
 
 
 class Names(dict[int, str]):
@@ -69,6 +70,11 @@ def printed(
     name = operation.name
     if name == "constant":
         return emitter.constant(operation.number)
+    if name in RANDOM:
+        *given, stream = operation.operands
+        which = names.tape.known(stream)
+        assert which is not None
+        return RANDOM[name](emitter, *(names.operand(emitter, v) for v in given), int(which))
     operands = [names.operand(emitter, value) for value in operation.operands]
     known = tables.get(name) or _DIRECT.get(name) or FUNCTIONS.get(name, _unknown)
     return known(emitter, *operands)
@@ -138,4 +144,5 @@ _DIRECT: Final[Mapping[str, Callable[..., str]]] = {
     "unit": _unit,
     "finite": _finite,
     "positive": _positive,
+    "nearest": Emitter.rounded,
 }
