@@ -41,7 +41,7 @@ from .fields import (
     field_from,
 )
 from .gridded import Grid, Gridded
-from .loop import InState, Loop, OnDither, Start
+from .loop import Loop
 from .lti import Lead, Rational, Transfer, TransferFunction
 from .parameters import Parameter
 from .paths import Along, Circle, FigureEight, Line, Path
@@ -66,6 +66,7 @@ from .sampled.simulating import simulate_sampled
 from .sampled.validity import Validity
 from .scenario import Run, Scenario, View, format_scenario, load_scenario, parse_scenario
 from .simulation import simulate
+from .starts import InState, OnDither, Start
 from .sweeps import Axis, Study, Sweep, format_study, load_study, parse_study, sweep
 from .symbols import (
     acos,
@@ -101,20 +102,29 @@ from .theory import (
     Infeasible,
     LoopGain,
     Lyapunov,
+    Margins,
+    NoiseVariance,
     Orbit,
     Rule,
+    SampledCrossing,
+    SampledLoopGain,
     ShrinkingCheck,
+    StabilityLimit,
     Verdict,
     assign_frequencies,
     average,
     bias,
     check_frequencies,
     check_shrinking,
+    critical_delay,
+    critical_dt,
     critical_frequency,
     design,
     loop_gain,
     lyapunov,
+    noise_variance,
     periodic_orbit,
+    sampled_loop_gain,
     stability,
 )
 from .vehicles import PointMass, Vehicle
@@ -164,7 +174,9 @@ __all__ = [
     "Loop",
     "LoopGain",
     "Lyapunov",
+    "Margins",
     "Moving",
+    "NoiseVariance",
     "OnDither",
     "Opaque",
     "Orbit",
@@ -184,7 +196,9 @@ __all__ = [
     "Rule",
     "Run",
     "RunningScale",
+    "SampledCrossing",
     "SampledLoop",
+    "SampledLoopGain",
     "Sampling",
     "Scale",
     "Scenario",
@@ -192,6 +206,7 @@ __all__ = [
     "ShrinkingCheck",
     "ShrinkingDither",
     "SourceMotion",
+    "StabilityLimit",
     "Start",
     "Study",
     "Sweep",
@@ -217,6 +232,8 @@ __all__ = [
     "check_shrinking",
     "cos",
     "cosh",
+    "critical_delay",
+    "critical_dt",
     "critical_frequency",
     "design",
     "discretize",
@@ -233,6 +250,7 @@ __all__ = [
     "log",
     "loop_gain",
     "lyapunov",
+    "noise_variance",
     "parse_requirements",
     "parse_scenario",
     "parse_study",
@@ -241,6 +259,7 @@ __all__ = [
     "plots",
     "run_realtime",
     "s",
+    "sampled_loop_gain",
     "simulate",
     "simulate_sampled",
     "sin",

@@ -19,8 +19,8 @@ from .declarations import Meta, Table
 from .description import Description, declarations
 from .errors import InvalidDescription, shown, suggestion
 from .gridded import Grid
-from .loop import InState
 from .lti import Transfer, transfer
+from .starts import InState
 
 # --- reading ----------------------------------------------------------------------------------
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import threading
-from abc import abstractmethod
-from collections.abc import Callable, Container, Hashable, Mapping, Sequence
+from collections.abc import Callable, Container, Hashable, Sequence
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 import numpy as np
-import sympy
 from numpy.typing import NDArray
 from sympy import Expr, Symbol
 
@@ -22,70 +20,10 @@ from .fields import Field
 from .lti import Transfer, TransferFunction, settled, static_gain, transfer
 from .parameters import Parameter, symbolic
 from .rational import ratio
+from .starts import InState, OnDither, Start, as_start, initial_state
 from .symbols import axis_names, coordinates, plain
 from .system import System
 from .vehicles import Vehicle
-
-
-class Start(Description, abstract=True):
-    """The vehicle's state at t = 0."""
-
-    @abstractmethod
-    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
-        """Return the vehicle's state, in the order of its state names."""
-
-
-class OnDither(Start):
-    """At a position, moving as the steady probe would move it: v(0) = αω cos φ, and so on.
-
-    A force-actuated vehicle that starts at rest drifts away with velocity −αω cos φ until the loop
-    catches it; one that starts on the dither does not. The position is exactly the one stated; the
-    dither is centred at position − α sin φ.
-
-    Parameters
-    ----------
-    position
-        Coordinates (m).
-    """
-
-    position: tuple[float, ...] = value("{axis}_0", "m", "position at t = 0", shape="vector")
-
-    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
-        """Return rest at the dither's centre plus the steady response to the probe."""
-        centre: list[Expr] = []
-        swings: list[Expr] = []
-        for axis, x in enumerate(self.position):
-            motion = controller.motion(axis)
-            assert motion is not None
-            swing = vehicle.swing(axis, motion, sympy.Integer(0))
-            centre.append(x - swing[0])
-            swings += swing
-        rest = vehicle.rest(centre)
-        return tuple(sympy.expand(r + w) for r, w in zip(rest, swings, strict=True))
-
-
-class InState(Start):
-    """In a full state: ``InState({"x": 1, "v_x": 0.5, "y": 1, "v_y": 0})``.
-
-    Parameters
-    ----------
-    states
-        Every state of the vehicle by name.
-    """
-
-    states: Mapping[str, float] = value("", "", "every state of the vehicle", shape="table")
-
-    def state(self, vehicle: Vehicle, controller: Controller) -> tuple[Expr, ...]:
-        """Return the states in the vehicle's order."""
-        return tuple(self.states[name] for name in vehicle.state_names())  # pyright: ignore[reportReturnType]
-
-
-def _as_start(given: Any) -> Any:
-    if isinstance(given, Start):
-        return given
-    if isinstance(given, Mapping):
-        return InState(given)
-    return given
 
 
 class Loop(Description):
@@ -125,7 +63,7 @@ class Loop(Description):
         "m",
         "position at t = 0, or a Start",
         shape="vector",
-        converter=_as_start,
+        converter=as_start,
         role=Start,
         literal=lambda given: isinstance(given, Start),
     )
@@ -401,8 +339,3 @@ def _sensed(diagram: Diagram, law: Expr, signal: Symbol) -> Symbol:
     states = ["zeta_J" + (f"_{i + 1}" if order > 1 else "") for i in range(order)]
     begun = [e * signal for e in settled(law)]
     return diagram.signal(SENSED.name, diagram.filter(law, signal, states, "1", begun), "1")
-
-
-def initial_state(start: Any, vehicle: Vehicle, controller: Controller) -> Sequence[Expr]:
-    """Return the vehicle's state at t = 0: at rest at a position, or what a `Start` says."""
-    return vehicle.rest(start) if isinstance(start, tuple) else start.state(vehicle, controller)

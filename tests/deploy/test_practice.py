@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ def made(dt: float = DT, *, of: es.GradientES | None = None, **practice: object)
     return es.discretize(of or controller(), dt, practice=es.Practice(**practice))  # pyright: ignore[reportArgumentType]
 
 
-def fed(ctrl: es.DiscreteController, samples: list[float | None]) -> np.ndarray:
+def fed(ctrl: es.DiscreteController, samples: Sequence[float | None]) -> np.ndarray:
     """Return the first output at every sample."""
     return ctrl.run(samples)[:, 0]
 
@@ -74,13 +75,13 @@ def test_xi_decays_while_samples_are_missing(bad: float | None) -> None:
         driven = ALPHA * OMEGA * math.cos(angle) + GAIN * expected * math.sin(angle)
         assert u == pytest.approx(driven, abs=1e-11)
     assert state.J_last == before[-1]
-    assert state.age == pytest.approx(0.3)
+    assert state.age == 300
 
 
 def test_bounds_belong_to_the_range() -> None:
     ctrl = made(validity=es.Validity(low=-50, high=50))
     state = ctrl.init(0.0)
-    for sample, age in ((50.0, 0.0), (-50.0, 0.0), (50.0000001, DT), (-50.0000001, 2 * DT)):
+    for sample, age in ((50.0, 0), (-50.0, 0), (50.0000001, 1), (-50.0000001, 2)):
         _, state = ctrl.step(state, sample)
         assert state.age == age
 
@@ -105,11 +106,27 @@ def test_the_output_fades_to_the_safe_one_and_comes_back_without_a_jump() -> Non
     assert back[0] == pytest.approx(0.7, abs=size * DT / fade * 1.01)
 
 
-def test_a_short_gap_does_not_fade() -> None:
-    ctrl = made(validity=es.Validity(timeout=0.3))
-    u = fed(ctrl, [*signal(500), *[None] * 299, *signal(500)])
-    still = fed(made(), [*signal(500), *[None] * 299, *signal(500)])
-    assert np.array_equal(u, still)
+@pytest.mark.parametrize("dt", [1e-3, 1.1e-3, 0.7e-3])
+def test_a_gap_shorter_than_the_timeout_does_not_fade(dt: float) -> None:
+    """However the times round."""
+    count = 300
+    ctrl = made(dt, validity=es.Validity(timeout=count * dt))
+    samples = [*signal(500), *[None] * (count - 1), *signal(500)]
+    assert np.array_equal(fed(ctrl, samples), fed(made(dt), samples))
+    longer = [*signal(500), *[None] * count, *signal(500)]
+    gone = fed(ctrl, longer) != fed(made(dt), longer)
+    assert np.flatnonzero(gone)[0] == 500 + count - 1
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1.1e-3, 0.7e-3])
+def test_a_sensor_is_stuck_when_it_repeats_for_longer_than_is_said(dt: float) -> None:
+    ctrl = made(dt, validity=es.Validity(stuck=100 * dt))
+    state, ages = ctrl.init(1.0), []
+    for _ in range(105):
+        _, state = ctrl.step(state, 1.0)
+        ages.append(state.age)
+    assert ages[:100] == [0] * 100
+    assert ages[100:] == [1, 2, 3, 4, 5]
 
 
 def test_a_stuck_sensor_counts_as_missing() -> None:
@@ -381,7 +398,9 @@ def test_a_signal_in_the_background_is_lost() -> None:
     [
         (lambda: es.Validity(low=2, high=1), "Validity.low = 2.0: must be less than high = 1.0"),
         (lambda: es.Validity(timeout=-1), "Validity.timeout"),
-        (lambda: es.Validity(timeout=1e9), "must be less than 1e"),
+        (lambda: made(validity=es.Validity(timeout=1e4)), "practice.validity.timeout = 10000.0"),
+        (lambda: made(validity=es.Validity(stuck=1e4)), "is 1e+07 samples; at most 8388608"),
+        (lambda: made(detector=es.Detector(1, 1e4, 1)), "practice.detector.time = 10000.0"),
         (lambda: es.Limits(), "limits nothing"),
         (lambda: es.Limits(low=(1.0,), high=(0.0,)), "must be less than high.0"),
         (lambda: es.Limits(low=(1.0,), high=(2.0, 3.0)), "one number per input"),

@@ -13,7 +13,7 @@ from loops import force_actuated, velocity_actuated
 import extremum as es
 from extremum import s
 from extremum.theory.linear import loop_gain
-from extremum.theory.sampled import sampled_loop_gain
+from extremum.theory.sampled import critical_delay, sampled_loop_gain
 from extremum.theory.sampled.held import held, realised, tustin
 
 from .sampled_plain import Plain
@@ -212,6 +212,10 @@ def test_a_mode_hidden_between_compensator_and_vehicle_is_seen() -> None:
     assert not gain.stable
     assert gain.modes[0] == pytest.approx(0.5, rel=1e-3)
     assert math.isnan(gain.margins.phase)
+    resting = velocity_actuated(**{"controller.channels.0.compensator": s / (s + 2)})
+    for delay in (0.0, 0.013, 0.4):  # its mode at z = 1 is neither observable nor controllable
+        assert not sampled_loop_gain(resting, 1e-3, delay=delay).stable
+    assert critical_delay(resting, 0.01, known=True, high=1.0).stable == ()
 
 
 # --- margins -------------------------------------------------------------------------------------
@@ -258,6 +262,23 @@ def test_margins_of_one_axis_are_those_of_python_control() -> None:
         sampled_loop_gain(force_actuated(), 0.01).control(0)
     with pytest.raises(es.InvalidDescription, match="0 … 1"):
         gain.control(2)
+
+
+def test_a_phase_lead_may_be_what_ends_stability() -> None:
+    """A mass on a spring under s²/(s + 5)²: where |L| rises through 1 its phase is beyond 90°."""
+    spring = {f"vehicle.axes.{i}": 1 / (s**2 + 0.1 * s + 1) for i in (0, 1)}
+    law = {f"controller.channels.{i}.compensator": 8 * s**2 / (s + 5) ** 2 for i in (0, 1)}
+    start = {"start": (0.0, 0.0), "field.q": (1.0, 1.0), "controller.washout": 1e-9}
+    gain = sampled_loop_gain(
+        force_actuated(**spring, **law, **start, **APART), 1e-3, practice=es.Practice(delay=0.0)
+    )
+    w = np.linspace(0.5, 3.0, 200_001)
+    response = 8.0 * (1j * w) ** 2 / (1 - w**2 + 0.1j * w) / (1j * w + 5) ** 2
+    crossed = np.flatnonzero(np.diff(np.abs(response) > 1))
+    wanted = np.pi - np.abs(np.angle(response[crossed]))
+    assert np.angle(response[crossed[0]]) > np.pi / 2  # a lead of less than 90° brings it to −1
+    assert gain.margins.phase == pytest.approx(wanted.min(), rel=0.01)
+    assert gain.margins.crossover[0] == pytest.approx(w[crossed[np.argmin(wanted)]], rel=0.01)
 
 
 def test_a_delay_beyond_the_delay_margin_ends_stability() -> None:

@@ -101,8 +101,6 @@ def test_a_sampled_loop_is_told_by_its_parts() -> None:
     sampled = es.SampledLoop(
         loop.field, loop.vehicle, loop.controller, loop.start, sampling=es.Sampling(dt=0.01)
     )
-    with pytest.raises(
-        es.InvalidDescription, match="loop: is a SampledLoop; give its `continuous`"
-    ):
+    with pytest.raises(es.InvalidDescription, match=r"take loop\.continuous"):
         sampled_loop_gain(sampled, 0.01)
     assert sampled_loop_gain(sampled.continuous, 0.01).stable

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from ..errors import InvalidDescription
+from ..sampled.adapting import LARGEST
 from ..sampled.validity import LONG
 from .naming import Names
 from .statements import Language, Printed, leaves_of, operations_of, statements
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from .machine import Machine
 
 _MATHEMATICS: Final = {"log": "log", "sqrt": "sqrt", "absolute": "fabs"}
-_LARGEST: Final = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,11 @@ def _language(real: Real) -> Language:
     )
 
 
-WANTED: Final = {"gain": "gain_wanted", "amplitude": "amplitude_wanted"}
-"""Argument of `change` → the state that it sets."""
+WANTED: Final = {
+    "gain": ("gain_wanted", "gain_left"),
+    "amplitude": ("amplitude_wanted", "amplitude_left"),
+}
+"""Argument of `change` → the state that it sets, and the one that keeps the factor as it is."""
 
 VERDICTS: Final = ("SEEKING", "ARRIVED", "LOST")
 """What `status` returns, by number."""
@@ -126,6 +129,11 @@ def header(machine: Machine, prefix: str, safe: Sequence[float], about: Sequence
         For a number that single precision does not have.
     """
     return _Header(machine, prefix).text(safe, about)
+
+
+def changes(machine: Machine) -> bool:
+    """Return whether a machine has what `change` moves."""
+    return all(name in machine.states for names in WANTED.values() for name in names)
 
 
 def kept(machine: Machine) -> tuple[int, ...]:
@@ -237,7 +245,7 @@ class _Header:
                 self._skip(),
             ),
         ]
-        if set(WANTED.values()) <= set(self.machine.states):
+        if changes(self.machine):
             found.append(self._change())
         if "status" in self.machine.states:
             field = self.states[self.machine.states.index("status")]
@@ -297,7 +305,7 @@ class _Header:
     def _skip(self) -> list[str]:
         machine, real = self.machine, self.real
         clocks = [self.states[i] for i in machine.clocks]
-        dt, limit = real.number(machine.dt), real.number(LONG)
+        limit = real.number(LONG)
         return [
             *_SEPARATE,
             *(
@@ -308,7 +316,7 @@ class _Header:
                 line
                 for clock in clocks
                 for line in (
-                    f"self->{clock} += ({real.name})steps * {dt};",
+                    f"self->{clock} += ({real.name})steps;",
                     f"self->{clock} = self->{clock} < {limit} ? self->{clock} : {limit};",
                 )
             ),
@@ -322,13 +330,14 @@ class _Header:
         ]
 
     def _change(self) -> _Function:
-        real, (zero, largest) = self.real.name, map(self.real.number, (0.0, _LARGEST))
+        real, (zero, largest) = self.real.name, map(self.real.number, (0.0, LARGEST))
         lines = []
-        for argument, state in WANTED.items():
-            field = self.states[self.machine.states.index(state)]
+        for argument, names in WANTED.items():
+            field, left = (self.states[self.machine.states.index(name)] for name in names)
             least = f"{argument} >= {zero}" if argument == "gain" else f"{argument} > {zero}"
             lines += [
                 f"if ({least} && {argument} <= {largest}) {{",
+                f"    self->{left} += {argument} - self->{field};",
                 f"    self->{field} = {argument};",
                 "}",
             ]
@@ -336,7 +345,7 @@ class _Header:
             f"void {self.prefix}_change({self.prefix}_t *self, {real} gain, {real} amplitude)",
             [
                 "Let the factors of all gains and all amplitudes, 1 at first, go over to others;",
-                "what is no such factor (NAN, negative, infinite) leaves one as it is.",
+                f"what is no such factor (NAN, negative, beyond {LARGEST:g}) leaves one as it is.",
             ],
             lines,
         )

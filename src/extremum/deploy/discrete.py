@@ -21,6 +21,7 @@ from ..sampled.adapting import ARRIVED, LARGEST, LOST, SEEKING
 from ..sampled.controlling import check_rate, draw, slowest_period
 from ..sampled.diagram import SampledDiagram
 from ..sampled.practice import Practice
+from ..sampled.validity import LONG
 from ..symbols import axis_names
 from ..system import System
 from ..vehicles import Vehicle
@@ -72,9 +73,8 @@ class DiscreteController(Description):
                 )
         check_rate(self.system, self.values.tolist(), self.dt)
         try:
-            self.practice.check_controller(
-                len(self.inputs), slowest_period(self.system, self.values.tolist())
-            )
+            slowest = slowest_period(self.system, self.values.tolist())
+            self.practice.check_controller(len(self.inputs), slowest, self.dt)
         except InvalidDescription as error:
             raise error.within("practice") from None
 
@@ -154,7 +154,7 @@ class DiscreteController(Description):
             )
         names, made = self.machine, {}
         for i in names.clocks:
-            made[names.states[i]] = min(state[i] + int(steps) * self.dt, _OLDEST)
+            made[names.states[i]] = min(state[i] + float(steps), LONG)
         for oscillator in names.oscillators:
             count = getattr(state, oscillator.name) + oscillator.increment * int(steps)
             made[oscillator.name] = (count + TURN // 2) % TURN - TURN // 2
@@ -180,7 +180,9 @@ class DiscreteController(Description):
         made = {}
         for name, factor in (("gain", gain), ("amplitude", amplitude)):
             if factor is not None:
-                made[f"{name}_wanted"] = _factor(name, factor, name == "amplitude")
+                wanted = _factor(name, factor, name == "amplitude")
+                left = getattr(state, f"{name}_left") + (wanted - getattr(state, f"{name}_wanted"))
+                made |= {f"{name}_wanted": wanted, f"{name}_left": left}
         return state._replace(**made)
 
     def status(self, state: Any) -> str:
@@ -254,9 +256,6 @@ class DiscreteController(Description):
 
     def __str__(self) -> str:
         return self.system.text(self._flat[1])
-
-
-_OLDEST: Final = 1e8
 
 
 def _factor(name: str, given: Any, positive: bool) -> float:

@@ -67,7 +67,7 @@ class Machine:
     output_names, outputs
         What is sent.
     clocks
-        The states (by place) that count seconds up to 10⁸, also while no step is taken.
+        The states (by place) that count samples up to 2²⁴, also while no step is taken.
     units
         Name → unit, of states and outputs.
     """

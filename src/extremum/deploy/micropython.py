@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from ..sampled.adapting import LARGEST
 from ..sampled.validity import LONG
-from .c99 import VERDICTS, WANTED, kept
+from .c99 import VERDICTS, WANTED, changes, kept
 from .machine import TURN
 from .naming import Names
-from .statements import Language, operations_of, statements
+from .python import LANGUAGE
+from .statements import operations_of, statements
 
 if TYPE_CHECKING:
     from .machine import Machine
@@ -23,23 +26,7 @@ def _number(number: float) -> str:
     return "INFINITE" if number == math.inf else repr(number)
 
 
-LANGUAGE: Final = Language(
-    number=_number,
-    forms={
-        "add": "{0} + {1}",
-        "subtract": "{0} - {1}",
-        "multiply": "{0} * {1}",
-        "divide": "{0} / {1}",
-        "negative": "-{0}",
-        "absolute": "abs({0})",
-        "maximum": "{0} if {0} > {1} else {1}",
-        "minimum": "{0} if {0} < {1} else {1}",
-        "positive": "{1} if {0} > 0.0 else {2}",
-        "sqrt": "sqrt({0})",
-        "log": "log({0})",
-    },
-    declaration="{name} = {value}",
-)
+_LANGUAGE: Final = replace(LANGUAGE, number=_number)
 
 
 def module(machine: Machine, safe: Sequence[float], about: Sequence[str]) -> str:
@@ -117,7 +104,7 @@ class _Module:
                 self._skip(),
             ),
         ]
-        if set(WANTED.values()) <= set(self.machine.states):
+        if changes(self.machine):
             methods.append(self._change())
         if "status" in self.machine.states:
             field = self.states[self.machine.states.index("status")]
@@ -129,7 +116,7 @@ class _Module:
         return ["J = INFINITE if J is None else float(J)"]
 
     def _init(self) -> list[str]:
-        printed = statements(self.machine.tape, self.machine.start, self.leaves, LANGUAGE)
+        printed = statements(self.machine.tape, self.machine.start, self.leaves, _LANGUAGE)
         return [
             *self._sample(),
             *printed.lines,
@@ -140,7 +127,7 @@ class _Module:
     def _step(self) -> list[str]:
         machine, count = self.machine, len(self.machine.outputs)
         printed = statements(
-            machine.tape, (*machine.outputs, *machine.following), self.leaves, LANGUAGE
+            machine.tape, (*machine.outputs, *machine.following), self.leaves, _LANGUAGE
         )
         commands, following = printed.results[:count], printed.results[count:]
         lines = [
@@ -168,13 +155,18 @@ class _Module:
             for phase, oscillator in zip(self.phases, machine.oscillators, strict=True)
         ]
         clocks = [f"self.{self.states[i]}" for i in machine.clocks]
-        return [*lines, *(f"{x} = min({x} + steps * {machine.dt!r}, {LONG!r})" for x in clocks)]
+        return [*lines, *(f"{x} = min({x} + steps, {LONG!r})" for x in clocks)]
 
     def _change(self) -> tuple[str, str, list[str]]:
         lines: list[str] = []
-        for name, state in WANTED.items():
-            field = self.states[self.machine.states.index(state)]
-            lines += [f"if {name} is not None:", f"    self.{field} = float({name})"]
+        for name, states in WANTED.items():
+            field, left = (self.states[self.machine.states.index(state)] for state in states)
+            least = "<=" if name == "gain" else "<"
+            lines += [
+                f"if {name} is not None and 0.0 {least} {name} <= {LARGEST!r}:",
+                f"    self.{left} += {name} - self.{field}",
+                f"    self.{field} = float({name})",
+            ]
         return (
             "change(self, gain=None, amplitude=None)",
             "change the factors of all gains and of all amplitudes, both 1 at first",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .c99 import REALS, WANTED, mathematics
+from .c99 import REALS, changes, mathematics
 
 if TYPE_CHECKING:
     from .discrete import DiscreteController
@@ -125,7 +125,7 @@ def _functions(machine: Machine, prefix: str) -> str:
         ("reset(self, J)", "begin again; gain and amplitude stay as they were changed"),
         ("skip(self, steps)", "so many instants passed without a step: the dither's phase goes on"),
     ]
-    if set(WANTED.values()) <= set(machine.states):
+    if changes(machine):
         says = "let the factors of all gains and amplitudes go over to others; NAN: no change"
         rows.append(("change(self, gain, amplitude)", says))
     if "status" in machine.states:

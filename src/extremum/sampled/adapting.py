@@ -14,6 +14,7 @@ from ..errors import InvalidDescription
 from ..logic import absolute, clamped, minimum, positive
 from ..symbols import plain
 from .diagram import SampledDiagram
+from .validity import LONG
 
 SEEKING, ARRIVED, LOST = 0, 1, 2
 """What `status` is."""
@@ -40,9 +41,15 @@ class Changes(Description):
     time: float = value("T_c", "s", "time constant of a change", positive=True)
 
     def draw(self, diagram: SampledDiagram, name: str) -> Symbol:
-        """Draw a factor and the wanted one; return the factor."""
+        """Draw the wanted factor, and what is left to go to it; return the factor.
+
+        What is left decays, so that nothing is lost in single precision, as it is where a lag adds
+        ever smaller steps to a number. A change adds to it what it adds to the wanted factor.
+        """
         wanted = diagram.state(f"{name}_wanted", "1", 1)
-        return diagram.lag(name, "1", wanted, plain(self.time), 1)
+        left: Any = diagram.state(f"{name}_left", "1", 0)
+        diagram.follow(left, left - diagram.share(plain(self.time)) * left)
+        return diagram.signal(name, wanted - left, "1")
 
 
 class ShrinkingDither(Description):
@@ -156,11 +163,12 @@ class Detector(Description):
         self, diagram: SampledDiagram, response: Expr, mean: Expr, patience: Expr | None
     ) -> None:
         """Draw the verdict."""
-        calm = diagram.state("calm", "s", 0)
-        longer = minimum(calm + diagram.dt, 2 * plain(self.time))
-        still = diagram.signal("still", positive(plain(self.level) - response, longer, 0), "s")
+        calm = diagram.state("calm", "1", 0)
+        longer = minimum(calm + 1, LONG)
+        still = diagram.signal("still", positive(plain(self.level) - response, longer, 0), "1")
         diagram.follow(calm, still)
-        verdict: Any = positive(still - plain(self.time), ARRIVED, SEEKING)
+        limit = plain(self.time) / diagram.dt - sympy.Rational(1, 2)
+        verdict: Any = positive(still - limit, ARRIVED, SEEKING)
         if self.background is not None:
             verdict = positive(plain(self.background) - mean, LOST, verdict)
         if patience is not None:

@@ -129,8 +129,9 @@ class ControllerDiagram(SampledDiagram):
         if ramp is None:
             return whole
         if self._ramp is None:
-            self._ramp = self.lag("ramp", "1", sympy.Integer(1), ramp, 0)
-        return whole * self._ramp
+            self._ramp = self.state("unramped", "1", 1)
+            self.follow(self._ramp, self._ramp - self.share(ramp) * self._ramp)
+        return whole * (1 - self._ramp)
 
     def feeding(self, command: Symbol) -> list[Filter]:
         """Return the filters whose output a command is made of."""

@@ -11,10 +11,11 @@ from sympy import Expr
 
 from ..description import part
 from ..errors import InvalidDescription
-from ..loop import SENSED, Loop, initial_state
+from ..loop import SENSED, Loop
 from ..lti import settled
 from ..parameters import Parameter
 from ..rational import ratio
+from ..starts import initial_state
 from ..symbols import coordinates, plain, substituted, t
 from ..system import System
 from .actuators import Arriving, arriving
@@ -81,7 +82,8 @@ class SampledLoop(Loop):
         _within("sampling.actuator", lambda: sampling.actuator.check_inputs(len(names)))
         slowest = slowest_period(system, values)
         _within(
-            "sampling.practice", lambda: sampling.practice.check_controller(len(names), slowest)
+            "sampling.practice",
+            lambda: sampling.practice.check_controller(len(names), slowest, sampling.dt),
         )
 
     @property

@@ -244,8 +244,6 @@ def exponential(generators: Numbers, order: int) -> Numbers:
 def _reaches(block: Block, i: int, j: int) -> bool:
     """Return whether state or column j acts on state i at all."""
     order = block.a.rows
-    if i == j:
-        return True
     reached = {j} if j < order else {k for k in range(order) if block.b[k, j - order] != 0}
     while True:
         more = {k for k in range(order) if any(block.a[k, r] != 0 for r in reached)} | reached

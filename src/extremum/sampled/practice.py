@@ -10,7 +10,7 @@ from ..errors import InvalidDescription
 from .adapting import Changes, Detector, ShrinkingDither
 from .limits import Limits
 from .scaling import RunningScale, Scale
-from .validity import Validity
+from .validity import Validity, check_count
 
 
 class Practice(Description):
@@ -82,7 +82,7 @@ class Practice(Description):
                 "leave one of them out, or use a LogScale",
             )
 
-    def check_controller(self, inputs: int, slowest: float) -> None:
+    def check_controller(self, inputs: int, slowest: float, dt: float) -> None:
         """Refuse what does not fit a controller.
 
         Parameters
@@ -91,7 +91,13 @@ class Practice(Description):
             How many inputs it drives.
         slowest
             Its slowest dither's period (s).
+        dt
+            The time between two samples (s).
         """
+        _within("validity", lambda: self.validity.check_times(dt))
+        if self.detector is not None:
+            time = self.detector.time
+            _within("detector", lambda: check_count("time", time, dt))
         safe, limits = self.validity.safe, self.limits
         if safe is not None and len(safe) != inputs:
             raise InvalidDescription(

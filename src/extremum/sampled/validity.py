@@ -18,8 +18,19 @@ from .diagram import SampledDiagram
 HUGE: Final = 1e18
 """No sample is larger: its square is still a number in single precision."""
 
-LONG: Final = 1e8
-"""Time without a sample (s) that stands for "there has been none"."""
+LONG: Final = 2.0**24
+"""Samples without a good one that stand for "there has been none"; counts are exact below."""
+
+
+def check_count(name: str, time: float | None, dt: float) -> None:
+    """Refuse a time of so many samples that counting them ends before."""
+    if time is not None and time / dt >= LONG / 2:
+        raise InvalidDescription(
+            name,
+            f"is {time / dt:.3g} samples; at most {LONG / 2:.0f} are counted, "
+            f"{LONG / 2 * dt:.4g} s",
+            repr(time),
+        )
 
 
 class Validity(Description):
@@ -68,12 +79,11 @@ class Validity(Description):
             raise InvalidDescription(
                 "low", f"must be less than high = {self.high!r}", repr(self.low)
             )
-        if self.stuck is not None and self.stuck >= LONG:
-            raise InvalidDescription("stuck", f"must be less than {LONG:g} s", repr(self.stuck))
-        if self.timeout is not None and self.timeout >= LONG:
-            raise InvalidDescription(
-                "timeout", f"must be less than {LONG:g} s; None is never", repr(self.timeout)
-            )
+
+    def check_times(self, dt: float) -> None:
+        """Refuse times of more samples than are counted."""
+        for name in ("stuck", "timeout"):
+            check_count(name, getattr(self, name), dt)
 
     def safes(self, inputs: int) -> tuple[Any, ...]:
         """Return the safe output of every input."""
@@ -88,7 +98,7 @@ class Validity(Description):
             The sample as it came, which may be no number, and after its scale, which is one.
         """
         last = diagram.state("J_last", "1", 0)
-        age = diagram.state("age", "s", LONG)
+        age = diagram.state("age", "1", LONG)
         good: Any = sympy.Integer(1)
         if self.high is not None:
             good = positive(sample - plain(self.high), 0, good)
@@ -96,22 +106,25 @@ class Validity(Description):
             good = positive(plain(self.low) - sample, 0, good)
         good = positive(HUGE - absolute(sample), good, 0)
         if self.stuck is not None:
-            same = diagram.state("same", "s", 0)
-            more = minimum(same + diagram.dt, LONG)
+            same = diagram.state("same", "1", 0)
+            more = minimum(same + 1, LONG)
             repeats = diagram.signal(
-                "repeats", positive(good, positive(absolute(scaled - last), 0, more), more), "s"
+                "repeats", positive(good, positive(absolute(scaled - last), 0, more), more), "1"
             )
             diagram.follow(same, repeats)
-            good = positive(repeats - plain(self.stuck), 0, good)
+            limit = plain(self.stuck) / diagram.dt + sympy.Rational(1, 2)
+            good = positive(repeats - limit, 0, good)
         good = diagram.signal("good", good, "1")
         held = diagram.signal("J_held", positive(good, scaled, last), "1")
-        patience = sympy.Float(LONG / 2) if self.timeout is None else plain(self.timeout)
+        missed = diagram.signal("missed", positive(good, 0, minimum(age + 1, LONG)), "1")
+        patience: Any = sympy.Float(LONG / 2)
+        if self.timeout is not None:  # half a sample less: rounding decides nothing
+            patience = plain(self.timeout) / diagram.dt - sympy.Rational(1, 2)
         change = diagram.signal("dJ", positive(patience - age, held - last, 0), "1")
-        following = positive(good, 0, minimum(age + diagram.dt, LONG))
         diagram.follow(last, held)
-        diagram.follow(age, following)
+        diagram.follow(age, missed)
         diagram.given |= {last: held, age: positive(good, 0, LONG)}
-        return Guarded(last, age, held, change, patience - age)
+        return Guarded(last, age, held, change, patience - missed)
 
     def authority(self, diagram: SampledDiagram, guarded: Guarded) -> Symbol | None:
         """Draw λ, the share of the controller's output that reaches the vehicle."""
@@ -132,7 +145,7 @@ class Guarded:
     Attributes
     ----------
     last, age
-        The states: the last sample that counted, and how old it is (s).
+        The states: the last sample that counted, and how many samples came after it.
     held
         The sample, or the last one that counted.
     change

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from ..engines.trajectory import Progress
 from ..ensembles import ensemble
 from ..fields import Quadratic
-from ..loop import Loop, OnDither
+from ..loop import Loop
 from ..papers import zhang2007
 from ..plots.panels import STAR, VERMILION
+from ..starts import OnDither
 from ..theory import average, critical_frequency, periodic_orbit
 from ..theory.demodulation import gradient
 from .common import counted, empty_figure, packed, part, side

@@ -14,6 +14,17 @@ from .probing import (
     assign_frequencies,
     check_frequencies,
 )
+from .sampled import (
+    Margins,
+    NoiseVariance,
+    SampledCrossing,
+    SampledLoopGain,
+    StabilityLimit,
+    critical_delay,
+    critical_dt,
+    noise_variance,
+    sampled_loop_gain,
+)
 from .shrinking import ShrinkingCheck, check_shrinking
 from .synthesis import Design, Infeasible, Rule, design
 from .verdict import Verdict, stability
@@ -30,19 +41,28 @@ __all__ = [
     "Infeasible",
     "LoopGain",
     "Lyapunov",
+    "Margins",
+    "NoiseVariance",
     "Orbit",
     "Rule",
+    "SampledCrossing",
+    "SampledLoopGain",
     "ShrinkingCheck",
+    "StabilityLimit",
     "Verdict",
     "assign_frequencies",
     "average",
     "bias",
     "check_frequencies",
     "check_shrinking",
+    "critical_delay",
+    "critical_dt",
     "critical_frequency",
     "design",
     "loop_gain",
     "lyapunov",
+    "noise_variance",
     "periodic_orbit",
+    "sampled_loop_gain",
     "stability",
 ]

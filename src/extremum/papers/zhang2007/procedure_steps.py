@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from ...fields import Quadratic
-from ...loop import Loop, OnDither
+from ...loop import Loop
 from ...lti import Lead, Transfer
+from ...starts import OnDither
 from .schemes import two_axes
 from .tables import Table
 

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ...loop import Loop, OnDither
+from ...loop import Loop
 from ...lti import Lead, Rational, transfer
 from ...plots.panels import COLOURS
 from ...requirements import Requirements
 from ...simulation import simulate
+from ...starts import OnDither
 from ...theory.offsets import bias
 from ...theory.synthesis import design
 from ...vehicles import PointMass

@@ -15,8 +15,8 @@ from ...loop import Loop
 from ...sampled.controlling import FEWEST
 from ...sampled.practice import Practice
 from ...validation import positive
-from ..frame import Frame
-from .gain import continuous, gain_of
+from ..frame import Frame, relative
+from .gain import gain_of
 from .received import Timing, frequencies, not_negative
 
 STEPS: Final = 32
@@ -158,7 +158,7 @@ def critical_delay(
     InvalidDescription
         If the interval is none; where `sampled_loop_gain` refuses.
     """
-    frame = continuous(loop)
+    frame = relative(loop)
     low = not_negative("low", low)
 
     def timing(delay: float) -> Timing:
@@ -207,7 +207,7 @@ def critical_dt(
     InvalidDescription
         If the interval is none; where `sampled_loop_gain` refuses.
     """
-    frame = continuous(loop)
+    frame = relative(loop)
     slowest = 2 * math.pi / (FEWEST * max(frequencies(frame)))
     high = positive("high", slowest if high is None else high)
     low = high / SPAN if low is None else positive("low", low)
@@ -239,7 +239,7 @@ def _limit(
     def at(value: float) -> _Point:
         gain = gain_of(frame, timing(value))
         mode = complex(gain.modes[0])
-        return _Point(value, mode.real, complex(mode.real, abs(mode.imag)))
+        return _Point(value, gain.leading, complex(mode.real, abs(mode.imag)))
 
     first = [at(float(value)) for value in grid]
     room = CLOSEST * (first[-1].value - first[0].value)

@@ -14,7 +14,6 @@ import numpy as np
 from ...errors import InvalidDescription, shown
 from ...loop import Loop
 from ...sampled.controlling import FEW
-from ...sampled.loop import SampledLoop
 from ...sampled.practice import Practice
 from ...symbols import axis_names
 from ..demodulation import gradient
@@ -35,6 +34,9 @@ NEAREST: Final = 24
 
 BESIDE: Final = 1 + 1e-9
 """Where those are looked for: at z = 1 itself may be a mode."""
+
+ROUNDING: Final = 1e-11
+"""How near to 1 a |z| is not told apart from it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +93,14 @@ class SampledLoopGain:
         return rates[np.argsort(-decay, kind="stable")]
 
     @property
+    def leading(self) -> float:
+        """The largest real part of the modes (1/s), taken as above 0 where |z| = 1 to rounding."""
+        return float(self.modes[0].real) + ROUNDING / self.dt
+
+    @property
     def stable(self) -> bool:
         """Whether every |z| < 1."""
-        return bool(self.modes[0].real < 0)
+        return self.leading < 0
 
     @cached_property
     def margins(self) -> Margins:
@@ -265,17 +272,7 @@ def sampled_loop_gain(
     Sources: Åström and Wittenmark (1997), section 2.6, for G_d; the averaged loop as in
     `loop_gain`. Checked against simulation on both sides of its stability limits.
     """
-    return gain_of(continuous(loop), Timing(dt, delay, lag, practice or Practice()))
-
-
-def continuous(loop: Loop) -> Frame:
-    """Return a loop in relative coordinates, and refuse one that says how it is sampled itself."""
-    if isinstance(loop, SampledLoop):
-        raise InvalidDescription(
-            "loop",
-            "is a SampledLoop; give its `continuous`, and as arguments its dt, delays and lags",
-        )
-    return relative(loop)
+    return gain_of(relative(loop), Timing(dt, delay, lag, practice or Practice()))
 
 
 def gain_of(frame: Frame, timing: Timing) -> SampledLoopGain:

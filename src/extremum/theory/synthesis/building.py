@@ -15,10 +15,11 @@ import numpy as np
 
 from ...controllers import Channel, Dither, GradientES
 from ...fields import Quadratic
-from ...loop import Loop, OnDither
+from ...loop import Loop
 from ...lti import Transfer, transfer
 from ...rational import at_frequency
 from ...requirements import VEHICLE, Requirements
+from ...starts import OnDither
 from ...vehicles import PointMass
 from .candidates import rounded
 from .family import WASHOUT, Family, middle, pade, plant_of, uncertain

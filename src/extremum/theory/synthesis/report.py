@@ -9,9 +9,10 @@ from functools import cached_property
 from typing import Any, Final
 
 from ...controllers import GradientES
-from ...loop import Loop, OnDither
+from ...loop import Loop
 from ...requirements import Requirements
 from ...scenario import Run, Scenario
+from ...starts import OnDither
 from ..linear import LoopGain, loop_gain
 from ..robustness import Proof
 from .building import Plan, centred
