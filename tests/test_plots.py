@@ -478,3 +478,15 @@ es.plots.animate(run, {str(tmp_path / "film.gif")!r}, seconds=0.1)
 assert "matplotlib.pyplot" not in sys.modules
 """
     subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_what_a_sampled_controller_received_is_behind_j() -> None:
+    loop = zhang2007.scenario("fig4").loop
+    noisy = es.simulate_sampled(loop, 2e-3, 0.5, sensor=es.Sensor(noise=0.3))
+    figure = es.plots.overview(noisy)
+    named = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "received" in named
+    line = figure.axes[0].get_lines()[-1]
+    assert np.array_equal(line.get_ydata(), noisy.sensed.values)
+    ideal = es.plots.overview(es.simulate_sampled(loop, 2e-3, 0.5))
+    assert "received" not in [text.get_text() for text in ideal.legends[0].get_texts()]

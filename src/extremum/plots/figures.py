@@ -20,9 +20,10 @@ def overview(
 ) -> Figure:
     """Show a run as the paper does: J, the trajectory and every input.
 
-    Panel (a) is J over time (s); (b) the vehicle's path in the plane or in space (m) with the
-    source, for one axis and for more than three the position over time; the others are the inputs
-    over time, each in its unit. A run that ended early says so, and when.
+    Panel (a) is J over time (s), of a sampled loop with what its controller received; (b) the
+    vehicle's path in the plane or in space (m) with the source, for one axis and for more than
+    three the position over time; the others are the inputs over time, each in its unit. A run that
+    ended early says so, and when.
 
     Parameters
     ----------
@@ -55,6 +56,7 @@ def overview(
 
     output = figure.add_subplot(grid[0, :3])
     panels.over_time(output, run, run.J.values, label("J", unit_of(run.J)), view.signal)
+    panels.samples(output, run)
     output.set_title("(a) output", loc="left", fontsize=10)
 
     scene = motion(run, view, averaged)

@@ -52,6 +52,14 @@ def over_time(
     mark_early_end(axes, run)
 
 
+def samples(axes: Axes, run: xarray.Dataset) -> None:
+    """Draw what a sampled loop's controller received behind J, where that is another thing."""
+    if "sensed" in run and not run.sensed.equals(run.J):
+        axes.plot(
+            run.time.values, run.sensed.values, color="0.8", lw=0.5, zorder=1, label="received"
+        )
+
+
 def stage(figure: Figure, place: Any, scene: Scene) -> Axes:
     """Return axes for a scene, still without curves."""
     widths = [high - low for low, high in scene.limits]
