@@ -106,6 +106,8 @@ def test_integrators_move_by_polynomials(order: int) -> None:
     dt: Any = system.dt
     derivatives = [*system.states[:order], system.inputs[0]]
     for first, found in enumerate(system.rhs[:order]):
+        if first == 0:  # unless J is beyond all that is believed
+            found = found.args[2]
         series = (x * dt**i / sympy.factorial(i) for i, x in enumerate(derivatives[first:]))
         assert sympy.expand(found - sympy.Add(*series)) == 0
 
@@ -221,7 +223,7 @@ def test_opaque_fields_and_options_of_continuous_runs_are_refused() -> None:
         es.simulate_sampled(loop, 1e-3, 1.0)
 
 
-class Boat(es.PointMass):
+class Boat(es.PointMass, abstract=True):  # which keeps it out of the registry
     """A vehicle whose drag is quadratic."""
 
     def compose(self, diagram: Diagram, inputs: Sequence[Any], initial: Sequence[Any]) -> Body:

@@ -11,6 +11,7 @@ from sympy import Expr
 
 from ..description import part
 from ..errors import InvalidDescription
+from ..logic import absolute, positive
 from ..loop import SENSED, Loop
 from ..lti import settled
 from ..parameters import Parameter
@@ -25,6 +26,7 @@ from .diagram import SampledDiagram
 from .motion import Exponentials, Linear, linear, moved
 from .sampling import Sampling
 from .sensors import Sensing
+from .validity import HUGE
 
 MOVING: Final = frozenset(
     (
@@ -167,6 +169,9 @@ class _Drawing:
         following = moved(vehicle, self.exponentials, arrived, diagram.dt)
         for state, later in zip(vehicle.states, following, strict=True):
             diagram.follow(state, later)
+        first = vehicle.states[0]  # beyond HUGE no sample is believed: the loop has escaped
+        escaped = positive(absolute(signal) - HUGE, sympy.oo, diagram.follows(first))
+        diagram.follow(first, escaped)
         if sensing.ahead is not None:
             sensing.remember(self._field_ahead(vehicle, arrived, sensing.ahead))
         outputs: dict[str, tuple[Expr, ...]] = {
