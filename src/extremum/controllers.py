@@ -196,6 +196,10 @@ class Controller(Description, abstract=True):
     def check_plant(self, axis: int, plant: Expr | None) -> None:
         """Refuse an axis that cannot be driven; `plant` is its transfer function, if it has one."""
 
+    def compensators(self) -> tuple[tuple[str, Transfer, float], ...]:
+        """Return the filters' dotted paths, transfer functions and dither frequencies (rad/s)."""
+        return ()
+
     def through(self, plants: Sequence[Expr | None]) -> Controller:
         """Return the controller with the axes' transfer functions in its probes that need them."""
         return self
@@ -298,6 +302,14 @@ class GradientES(Controller):
                 f"cannot be made: G(jω) = {response} at ω = {self.frequencies()[axis]:g} rad/s; "
                 "choose another frequency or `through`",
             )
+
+    def compensators(self) -> tuple[tuple[str, Transfer, float], ...]:
+        """Return every channel's C(s)."""
+        pairs = zip(self.channels, self.frequencies(), strict=True)
+        return tuple(
+            (f"channels.{i}.compensator", channel.compensator, frequency)
+            for i, (channel, frequency) in enumerate(pairs)
+        )
 
     def through(self, plants: Sequence[Expr | None]) -> GradientES:
         """Return the controller with the axes' transfer functions in dithers that state none."""

@@ -91,6 +91,10 @@ class Description(ABC):  # noqa: B024 - its roles, Field and so on, have the abs
         owner = "" if self.root else type(self).__name__
         return InvalidDescription(inner.path, inner.reason, inner.value, owner)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Go to other processes without what is kept for speed."""
+        return {name: getattr(self, name) for name in declarations(type(self))}
+
     def check(self) -> None:  # noqa: B027 - most classes have nothing to add
         """Raise `InvalidDescription` where fields do not fit each other."""
 

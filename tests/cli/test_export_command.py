@@ -14,6 +14,8 @@ from extremum.deploy import exporting
 from extremum.deploy.exporting import export_c
 from extremum.papers import zhang2007
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 SAMPLING = "\n[sampling]\ndt = 0.004\npractice.delay = 0.003\n"
 
 

@@ -17,6 +17,8 @@ from controllers import CHOICES, OPTIONS, PLAIN, controller, pairwise
 
 from extremum.deploy.exporting import export_c
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 M0 = ("-mcpu=cortex-m0", "-mthumb")
 AVR = ("-mmcu=atmega328p",)

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 import extremum as es
 from extremum.deploy.exporting import export_c
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 FLAGS = (
     ("-O0",),
     ("-O2",),

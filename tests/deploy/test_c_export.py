@@ -14,6 +14,8 @@ import extremum as es
 from extremum.deploy import exporting
 from extremum.deploy.exporting import export_c
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 
 @pytest.fixture(scope="module")
 def ctrl():

@@ -18,6 +18,8 @@ from extremum.deploy.statements import LONGEST
 from extremum.engines.lanes.tape import STEP, Tape
 from extremum.errors import InvalidDescription
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 OPERATIONS = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,

@@ -10,6 +10,8 @@ from extremum.deploy import measuring
 from extremum.deploy.exporting import export_c
 from extremum.papers import zhang2007
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from fractions import Fraction
 
 import mpmath
@@ -46,6 +47,16 @@ def test_samples_may_be_any_number_and_none() -> None:
     assert ctrl.step(state, 10**400)[0] == ctrl.step(state, math.inf)[0]
     with pytest.raises(es.InvalidDescription, match="None where the sample is missing"):
         ctrl.step(state, "2.0")  # pyright: ignore[reportArgumentType]
+
+
+def test_controllers_and_states_go_to_other_processes_and_come_back() -> None:
+    ctrl = fig4()
+    _, state = ctrl.step(ctrl.init(1.0), 0.7)
+    other, same = pickle.loads(pickle.dumps((ctrl, state)))
+    assert other == ctrl
+    assert same == state
+    assert type(same) is type(state)
+    assert other.step(same, 0.3) == ctrl.step(state, 0.3)
 
 
 def test_the_equations_are_printed() -> None:
@@ -158,6 +169,7 @@ def test_skipping_is_as_many_steps_for_the_phase_and_the_age() -> None:
     assert skipped.age == pytest.approx(stepped.age)
     assert skipped.xi_last == state.xi_last
     assert ctrl.skip(state, 0) == state
+    assert ctrl.skip(state, 10**400).age == 2.0**24
 
 
 def test_a_record_is_placed_at_its_instants() -> None:
@@ -200,7 +212,23 @@ def test_plants_are_taken_from_the_vehicle() -> None:
         (lambda: fig4().status(fig4().init(1.0)), "practice.detector"),
         (lambda: fig4().run([1.0, 2.0], times=[0.0, -1.0]), "sample 1 at -1.0 s comes before"),
         (lambda: fig4().run([1.0, 2.0], times=[0.0, 0.0004]), "belong to the same instant"),
-        (lambda: fig4().run([1.0, 2.0], times=[0.0]), "one finite time for each"),
+        (lambda: fig4(1e-12), "at most 1e+09 make sense"),
+        (lambda: fig4().run(3.0), "must be a list of numbers"),  # pyright: ignore[reportArgumentType]
+        (lambda: fig4().run([1.0, 2.0], times=["a", "b"]), "one finite time"),  # pyright: ignore[reportArgumentType]
+        (lambda: fig4().run([1.0, 2.0], times=[0.0, 1e30]), "span more than 1e+09"),
+        (
+            lambda: es.DiscreteController(controller=FIG4.controller, dt=1e-3),
+            "must have 2 names and units; use discretize",
+        ),
+        (
+            lambda: (
+                es.discretize(
+                    FIG4.controller, 1e-3, vehicle=FIG4.vehicle, practice=es.Practice(delay=1e308)
+                ).machine
+            ),
+            "so large or so small",
+        ),
+        (lambda: fig4().run([1.0, 2.0], times=[0.0]), "one finite time (s) for each"),
     ],
 )
 def test_what_cannot_be_is_refused(build, message: str) -> None:

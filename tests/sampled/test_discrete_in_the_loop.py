@@ -13,6 +13,8 @@ from loops import velocity_actuated
 import extremum as es
 from extremum import s
 
+pytestmark = pytest.mark.filterwarnings("ignore:practice.limits")  # which cut the probe on purpose
+
 VEHICLE = es.PointMass((1 / (s * (s + 0.7)), (s + 3) / (s**2 + s + 1)), disturbance=(0.1, 0.2))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from ..description import Description, flatten, part, structure, value
 from ..errors import InvalidDescription, shown
 from ..parameters import symbolic
 from ..sampled.adapting import ARRIVED, LARGEST, LOST, SEEKING
-from ..sampled.controlling import check_rate, draw, slowest_period
+from ..sampled.controlling import check_poles, check_probes, check_rate, draw, slowest_period
 from ..sampled.diagram import SampledDiagram
 from ..sampled.practice import Practice
 from ..sampled.validity import LONG
@@ -29,6 +29,9 @@ from .machine import TURN, Machine, machine
 from .python import starter, stepper
 
 STATUS: Final = {SEEKING: "seeking", ARRIVED: "arrived", LOST: "lost"}
+
+LONGEST: Final = 1e9
+"""Sampling instants of a record."""
 
 SAMPLE: Final = Symbol("J", real=True)
 """What the controller is given at every step."""
@@ -61,7 +64,12 @@ class DiscreteController(Description):
     units: tuple[str, ...] = structure("units of what it drives", default=())
 
     def check(self) -> None:
-        """Refuse too few samples a period, and a practice that does not fit."""
+        """Refuse too few samples a period, and parts that do not fit."""
+        count = self.controller.inputs()
+        if not len(self.inputs) == len(self.units) == count:
+            raise InvalidDescription(
+                "inputs", f"must have {count} names and units; use discretize", shown(self.inputs)
+            )
         for name, plant in zip(self.inputs, self._unknown_plants(), strict=True):
             if plant:
                 raise InvalidDescription(
@@ -72,6 +80,8 @@ class DiscreteController(Description):
                     "None",
                 )
         check_rate(self.system, self.values.tolist(), self.dt)
+        check_poles(self.controller, self.dt)
+        check_probes(self.controller, self.practice, (None,) * count)
         try:
             slowest = slowest_period(self.system, self.values.tolist())
             self.practice.check_controller(len(self.inputs), slowest, self.dt)
@@ -128,7 +138,7 @@ class DiscreteController(Description):
 
     @cached_property
     def _state(self) -> Any:
-        return namedtuple("State", self.state_names)
+        return _states(self.state_names)
 
     @cached_property
     def init(self) -> Callable[[float | None], Any]:
@@ -154,7 +164,7 @@ class DiscreteController(Description):
             )
         names, made = self.machine, {}
         for i in names.clocks:
-            made[names.states[i]] = min(state[i] + float(steps), LONG)
+            made[names.states[i]] = state[i] + float(min(steps, LONG - state[i]))
         for oscillator in names.oscillators:
             count = getattr(state, oscillator.name) + oscillator.increment * int(steps)
             made[oscillator.name] = (count + TURN // 2) % TURN - TURN // 2
@@ -219,7 +229,12 @@ class DiscreteController(Description):
         InvalidDescription
             For samples out of order, or two at the same instant.
         """
-        record = list(samples)
+        try:
+            record = list(samples)
+        except TypeError:
+            raise InvalidDescription(
+                "samples", "must be a list of numbers", shown(samples)
+            ) from None
         if times is not None:
             record = self._placed(record, times)
         if not record:
@@ -230,13 +245,19 @@ class DiscreteController(Description):
         return sent
 
     def _placed(self, record: list[Any], times: Sequence[float]) -> list[Any]:
-        stamps = np.asarray(times, dtype=float)
-        if stamps.shape != (len(record),) or not np.isfinite(stamps).all():
+        stamps = np.asarray(times)
+        real = stamps.dtype.kind in "iuf" or not stamps.size
+        if not real or stamps.shape != (len(record),) or not np.isfinite(stamps).all():
             raise InvalidDescription(
-                "times", f"must be one finite time for each of the {len(record)} samples"
+                "times", f"must be one finite time (s) for each of the {len(record)} samples"
             )
         if not len(record):
             return []
+        stamps = stamps.astype(float)
+        if (stamps - stamps[0]).max() / self.dt > LONGEST:
+            raise InvalidDescription(
+                "times", f"span more than {LONGEST:g} sampling instants of {self.dt!r} s"
+            )
         places = np.rint((stamps - stamps[0]) / self.dt).astype(np.int64)
         late = np.flatnonzero(np.diff(places) <= 0)
         if len(late):
@@ -283,12 +304,14 @@ def discretize(
     """Return the controller as it runs on samples taken every `dt`.
 
     The washout and the compensators are discretised by Tustin's rule pre-warped at their dither
-    frequency, so that they are exact there and at 0: s → K (z − 1)/(z + 1), K = ω/tan(ω dt/2). In
-    between, at a frequency b, corners appear shifted by a factor 1 − ((ω² − b²) dt²)/12. Channels
+    frequency, so that they are exact there and at 0: s → K (z − 1)/(z + 1), K = ω/tan(ω dt/2).
+    Elsewhere what they do at a frequency b appears at b (1 + (ω² − b²) dt²/12), and a real pole −b
+    decays at b (1 + (ω² + b²) dt²/12). Channels
     whose frequency is not the washout's have its small phase error taken out of their reference.
     Probes and references are those of the continuous controller at t_k, unless `Practice.delay`
     lets the references lag by what hold and delays take. Phases are counted in 2⁻⁶⁴ turns: after
-    10⁹ steps they are right within 2e-10 rad.
+    10⁹ steps that of a single frequency is right within 2e-10 rad, that of a ratio p/q within p/q
+    times all ratios' common denominator as much; their ratios stay exact for ever.
 
     Parameters
     ----------
@@ -337,6 +360,18 @@ def discretize(
         inputs=names,
         units=units,
     )
+
+
+@lru_cache(maxsize=256)
+def _states(names: tuple[str, ...]) -> Any:
+    """Return the named tuple's class of a state; it comes back from other processes."""
+    state = namedtuple("State", names)
+    state.__reduce__ = lambda self: (_state, (self._fields, tuple(self)))
+    return state
+
+
+def _state(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return _states(names)._make(values)
 
 
 _KEPT: Final = 64

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
-from math import lcm
+from math import isfinite, lcm
 from typing import Any, Final
 
 import sympy
@@ -23,6 +23,12 @@ from ..system import System
 
 TURN: Final = 2**64
 """Of the phases' counts."""
+
+OPERATIONS: Final = (
+    *("add", "subtract", "multiply", "divide", "negative"),
+    *("absolute", "maximum", "minimum", "positive", "sqrt", "log"),
+)
+"""What a machine computes with."""
 
 TERMS: Final = {64: 8, 32: 5}
 """Of the sine's polynomial: an error of 2e-16, or 7e-9."""
@@ -137,6 +143,7 @@ class _Builder:
             raise InvalidDescription(
                 "controller", f"cannot run on samples: {error}; only sin(ωt + φ) may depend on time"
             ) from None
+        self._check([*start, *following, *outputs])
         names = tuple(str(x) for x in system.states)
         commands = tuple(str(x) for x in system.outputs["input"])
         units = {str(x): unit for x, unit in system.units.items()}
@@ -156,6 +163,19 @@ class _Builder:
             clocks=tuple(i for i, name in enumerate(names) if name == "age"),
             units={name: units[name] for name in (*names, *commands)},
         )
+
+    def _check(self, wanted: list[int]) -> None:
+        """Refuse numbers that cannot be computed with."""
+        for value in self.tape.needed(wanted):
+            operation = self.tape.operations[value]
+            known = operation.name in OPERATIONS or not operation.operands
+            if not known or not isfinite(operation.number):
+                raise InvalidDescription(
+                    "controller",
+                    "has numbers so large or so small that a step cannot be computed: gains, "
+                    "frequencies, time constants, delays and dt must lie within about 1e±150 of "
+                    "each other",
+                )
 
     def wave(self, frequency: Expr) -> tuple[int, int]:
         """Return sin ωt and cos ωt from the oscillator's phase."""

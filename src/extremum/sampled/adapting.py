@@ -28,17 +28,21 @@ class Changes(Description):
 
     Factors κ of all gains and a of all amplitudes go over to the wanted ones as first-order lags,
     κ⁺ = κ + (1 − e^(−dt/T)) (κ* − κ): `DiscreteController.change` sets κ* and a*, at most 10⁶. The
-    loop gain is proportional to κ a. A change is slow, and the averaged loop passes through the
-    designs in between, if T is longer than the loop's own time; the output never jumps, whatever T
-    is.
+    loop gain is proportional to κ a (to κ/a with a `RunningScale`). A change is slow, and the
+    averaged loop passes through the designs in between, if T is longer than the loop's own time.
 
     Parameters
     ----------
     time
-        T (s).
+        T (s), longer than a dither period: the output then changes by less in a sample than by the
+        dither itself.
     """
 
     time: float = value("T_c", "s", "time constant of a change", positive=True)
+
+    def check_frequency(self, period: float) -> None:
+        """Refuse a time within a dither period (s)."""
+        _longer_than_a_period("time", self.time, period)
 
     def draw(self, diagram: SampledDiagram, name: str) -> Symbol:
         """Draw the wanted factor, and what is left to go to it; return the factor.
@@ -55,21 +59,22 @@ class Changes(Description):
 class ShrinkingDither(Description):
     """A dither that shrinks near the source and grows when the source moves away.
 
-    A factor a of all amplitudes follows the slope: with S = √Σ A_i²/a, A_i the amplitude of ξ at
-    channel i's frequency (see `response`), a* = S/`full` cut to `least` … 1 and
+    A factor a of all amplitudes follows the slope: with S = √Σ A_i²/(a κ_a), A_i the amplitude of ξ
+    at channel i's frequency (see `response`) and κ_a that of `Changes` and of a ramp, so that S is
+    what the full dither would cause, a* = S/`full` cut to `least` … 1 and
 
     a⁺ = a + (1 − e^(−dt/T)) (a* − a), T = `grow` where a* > a, else `shrink`.
 
-    The loop gain is a times its own: the averaged loop must be stable for every factor from
-    `least` to 1 (an unstable vehicle needs its smallest gain). Noise moves the vehicle by
-    c σ² dt/(4 a α q) where that is the law of the full dither.
+    Missing samples change nothing. The loop gain is a times its own: the averaged loop must be
+    stable for every factor from `least` to 1 (an unstable vehicle needs its smallest gain). With
+    C = 1 and G = 1/s noise leaves the variance c σ² dt/(4 a α q) of the position.
 
     What the proof needs besides: a ≥ least > 0, so that the loop is excited always; a changes
     slowly in comparison with the dither, |ȧ|/a ≪ ω (all three times must be longer than a period,
     refused otherwise), and so that averaging first and letting a change second is right, more
     slowly than the averaged loop converges: `shrink` longer than 1/|λ| of its slowest mode at
-    `least`. Source: Tan, Nešić, Mareels and Astolfi, Automatica 45 (2009), 245-251 (amplitude
-    decreasing slowly).
+    `least`. `check_shrinking` looks at a loop. Source: Tan, Nešić, Mareels and Astolfi, Automatica
+    45 (2009), 245-251 (amplitude decreasing slowly).
 
     Parameters
     ----------
@@ -97,24 +102,18 @@ class ShrinkingDither(Description):
     def check_frequency(self, period: float) -> None:
         """Refuse times within a dither period (s)."""
         for name in ("shrink", "grow", "response"):
-            if getattr(self, name) <= period:
-                raise InvalidDescription(
-                    name,
-                    f"must be longer than the slowest dither's period, {period:.4g} s: averaging "
-                    "needs an amplitude that changes slowly",
-                    repr(getattr(self, name)),
-                )
+            _longer_than_a_period(name, getattr(self, name), period)
 
     def factor(self, diagram: SampledDiagram) -> Symbol:
         """Draw a, still without what it follows."""
         return diagram.state("a_dither", "1", 1)
 
-    def draw(self, diagram: SampledDiagram, factor: Symbol, response: Expr) -> None:
-        """Let a follow the response of the full dither."""
+    def draw(self, diagram: SampledDiagram, factor: Symbol, response: Expr, good: Expr) -> None:
+        """Let a follow the response of the full dither where the sample counts."""
         wanted: Any = clamped(response / plain(self.full), plain(self.least), 1)
         goal = diagram.signal("a_goal", wanted, "1")
         grow, shrink = (diagram.share(plain(time)) for time in (self.grow, self.shrink))
-        share = positive(goal - factor, grow, shrink)
+        share = positive(good, positive(goal - factor, grow, shrink), 0)
         diagram.follow(factor, factor + share * (goal - factor))
 
 
@@ -122,10 +121,11 @@ class Detector(Description):
     """Whether the vehicle has arrived, is lost, or still seeks.
 
     With A = √Σ A_i², A_i = 2 |mean of ξ · reference_i| over `response`, the amplitude of ξ at
-    channel i's frequency, about α_i |∂J/∂x_i|: *arrived* when A has stayed below `level` for
-    `time`. *Lost* when no good sample came for the `timeout` of `Validity`, or when the mean of
-    the signal, η = J − ξ, is below `background`. Otherwise *seeking*. It observes only: the loop's
-    stability is not touched.
+    channel i's frequency with the full dither, about α_i |∂J/∂x_i|: *arrived* when A has stayed
+    below `level` for `time`, counted from three `response` after the beginning; only good samples
+    count. *Lost* when no good sample came for the `timeout` of `Validity`, or when the mean
+    of the signal, η = J − ξ, is below `background`. Otherwise *seeking*. It observes only: the
+    loop's stability is not touched.
 
     At the distance x̃ from a peak of curvature q, A = 2 α q |x̃|: level = 2 α q r detects a radius
     r. Noise of standard deviation σ per sample puts σ √(dt/response) into each A_i; `level` must
@@ -152,20 +152,21 @@ class Detector(Description):
 
     def check_frequency(self, period: float) -> None:
         """Refuse a response within a dither period (s)."""
-        if self.response <= period:
-            raise InvalidDescription(
-                "response",
-                f"must be longer than the slowest dither's period, {period:.4g} s",
-                repr(self.response),
-            )
+        _longer_than_a_period("response", self.response, period)
 
     def draw(
-        self, diagram: SampledDiagram, response: Expr, mean: Expr, patience: Expr | None
+        self,
+        diagram: SampledDiagram,
+        response: Expr,
+        mean: Expr,
+        good: Expr,
+        patience: Expr | None,
     ) -> None:
         """Draw the verdict."""
-        calm = diagram.state("calm", "1", 0)
+        calm = diagram.state("calm", "1", -3 * plain(self.response) / diagram.dt)
         longer = minimum(calm + 1, LONG)
-        still = diagram.signal("still", positive(plain(self.level) - response, longer, 0), "1")
+        seen = positive(plain(self.level) - response, longer, minimum(calm + 1, 0))
+        still = diagram.signal("still", positive(good, seen, calm), "1")
         diagram.follow(calm, still)
         limit = plain(self.time) / diagram.dt - sympy.Rational(1, 2)
         verdict: Any = positive(still - limit, ARRIVED, SEEKING)
@@ -177,16 +178,30 @@ class Detector(Description):
         diagram.follow(status, verdict)
 
 
+def _longer_than_a_period(name: str, time: float, period: float) -> None:
+    if time <= period:
+        raise InvalidDescription(
+            name,
+            f"must be longer than the slowest dither's period, {period:.4g} s, so that it follows "
+            "means and not the dither",
+            repr(time),
+        )
+
+
 def responses(
-    diagram: SampledDiagram, name: str, xi: Expr, references: Sequence[Expr], time: Expr
+    diagram: SampledDiagram,
+    name: str,
+    xi: Expr,
+    references: Sequence[Expr],
+    time: Expr,
+    good: Expr,
 ) -> Expr:
-    """Draw √Σ A_i², A_i = 2 |mean of ξ · reference_i| as a first-order lag of time constant T."""
+    """Draw √Σ A_i², A_i = 2 |mean of ξ · reference_i|, a lag of T that good samples move."""
     means: list[Any] = []
     for i, reference in enumerate(references, 1):
         past = diagram.state(f"{name}_{i}", "1", 0)
-        mean = diagram.signal(
-            f"mean_{name}_{i}", past + diagram.share(time) * (xi * reference - past), "1"
-        )
+        share = positive(good, diagram.share(time), 0)
+        mean = diagram.signal(f"mean_{name}_{i}", past + share * (xi * reference - past), "1")
         diagram.follow(past, mean)
         means.append(mean)
     size = absolute(*means) if len(means) == 1 else sympy.sqrt(sum(mean**2 for mean in means))

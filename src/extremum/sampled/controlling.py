@@ -12,6 +12,8 @@ from sympy import Expr, Symbol
 
 from ..controllers import Controller
 from ..errors import InvalidDescription
+from ..logic import maximum
+from ..rational import at_frequency
 from ..symbols import plain, sine
 from ..symbols import t as time
 from ..system import System
@@ -23,6 +25,12 @@ from .validity import Guarded
 FEWEST: Final = 6
 FEW: Final = 20
 """Samples per period of the fastest dither: fewer are refused, and warned of."""
+
+MOST: Final = 1e9
+"""Samples per period: with more, a sample changes nothing that double precision shows."""
+
+SMALL: Final = 1e-2
+"""A smaller dither, as a share of the full one, says nothing about the response."""
 
 
 def check_rate(system: System, values: Sequence[float], dt: float) -> None:
@@ -37,6 +45,10 @@ def check_rate(system: System, values: Sequence[float], dt: float) -> None:
     if period is None:
         return
     count = period / dt
+    if count > MOST:
+        raise InvalidDescription(
+            "dt", f"leaves {count:.3g} samples in a period; at most {MOST:g} make sense", repr(dt)
+        )
     if count < FEWEST * (1 - 1e-12):
         raise InvalidDescription(
             "dt",
@@ -51,6 +63,58 @@ def check_rate(system: System, values: Sequence[float], dt: float) -> None:
             UserWarning,
             stacklevel=4,
         )
+
+
+def check_poles(controller: Controller, dt: float) -> None:
+    """Refuse a pole that Tustin's rule cannot place, and warn of one that it makes ring.
+
+    Raises
+    ------
+    InvalidDescription
+        For a pole at p ≥ K, K = ω/tan(ω dt/2), which is unstable and faster than the samples.
+    """
+    for path, law, frequency in controller.compensators():
+        warped = frequency / math.tan(frequency * dt / 2)
+        for pole in law.poles:
+            text = (
+                f"its pole at {pole:.6g} 1/s" if pole.imag else f"its pole at {pole.real:.6g} 1/s"
+            )
+            wanted = f"dt <= {1 / abs(pole):.3g} s" if pole else ""
+            if pole.real >= warped * (1 - 1e-6):
+                raise InvalidDescription(
+                    f"controller.{path}",
+                    f"is faster than its samples: {text} lies beyond ω/tan(ω dt/2) = {warped:.6g} "
+                    f"1/s; {wanted} would do",
+                    str(law),
+                )
+            if abs(pole) > warped * (1 + 1e-6):
+                warnings.warn(
+                    f"controller.{path}: {text} is faster than the samples can follow, ω/tan(ω "
+                    f"dt/2) = {warped:.6g} 1/s, and will ring from sample to sample; take a slower "
+                    f"one, or {wanted}",
+                    UserWarning,
+                    stacklevel=4,
+                )
+
+
+def check_probes(controller: Controller, practice: Practice, plants: Sequence[Expr | None]) -> None:
+    """Warn of limits that cut the steady probe."""
+    limits = practice.limits
+    for axis, plant in enumerate(plants if limits is not None else ()):
+        motion = controller.motion(axis)
+        law = None if motion is None else plant if motion.through is None else motion.through
+        if limits is None or motion is None or law is None:
+            continue
+        size = motion.amplitude / abs(at_frequency(law, motion.frequency))
+        for name, room in limits.room(axis, motion.frequency):
+            if size > room * (1 + 1e-9):
+                warnings.warn(
+                    f"practice.limits.{name}.{axis} cuts the probe, whose amplitude is {size:.4g} "
+                    f"at {motion.frequency:.4g} rad/s where {room:.4g} is left: the loop loses "
+                    "gain, and an integrator leaks",
+                    UserWarning,
+                    stacklevel=4,
+                )
 
 
 def slowest_period(system: System, values: Sequence[float]) -> float:
@@ -96,7 +160,7 @@ class ControllerDiagram(SampledDiagram):
         self.follow(last, xi)
         self.xi = xi
         scale = self.practice.scale
-        conditioned: Any = xi if scale is None else scale.after(self, xi)
+        conditioned: Any = xi if scale is None else scale.after(self, xi, self.guarded.good)
         return conditioned if self.gain == 1 else self.signal("nu_c", self.gain * conditioned, "1")
 
     def reference(self, frequency: Expr, phase: Expr | float) -> Expr:
@@ -125,13 +189,16 @@ class ControllerDiagram(SampledDiagram):
 
     def envelope(self, ramp: Expr | None) -> Expr:
         """Draw what the probe is multiplied by: the ramp, and the factors of its amplitude."""
-        whole = self.amplitude * self.factor
-        if ramp is None:
-            return whole
-        if self._ramp is None:
+        if ramp is not None and self._ramp is None:
             self._ramp = self.state("unramped", "1", 1)
             self.follow(self._ramp, self._ramp - self.share(ramp) * self._ramp)
-        return whole * (1 - self._ramp)
+        return self.size
+
+    @property
+    def size(self) -> Expr:
+        """The dither's size as a share of the full one."""
+        whole = self.amplitude * self.factor
+        return whole if self._ramp is None else whole * (1 - self._ramp)
 
     def feeding(self, command: Symbol) -> list[Filter]:
         """Return the filters whose output a command is made of."""
@@ -173,30 +240,46 @@ def draw(
     commands = controller.compose(inner, guarded.held, plants, names, units)
     sent: list[Any] = list(commands)
     for i, (name, unit) in enumerate(zip(inputs, units, strict=True)):
+        if final:
+            continue
         safe = plain(validity.safes(len(inputs))[i])
         if authority is not None:
-            faded = safe + authority * (sent[i] - safe)
-            sent[i] = inner.signal(f"{name}_faded", faded, unit) if practice.limits else faded
+            sent[i] = inner.signal(f"{name}_faded", safe + authority * (sent[i] - safe), unit)
         if practice.limits is not None:
-            filters = inner.feeding(commands[i])
-            sent[i] = practice.limits.draw(inner, name, unit, i, sent[i], safe, filters)
-        if not final:
-            sent[i] = inner.signal(name, sent[i], unit)
+            sent[i] = practice.limits.draw(inner, name, unit, i, sent[i], safe)
+        sent[i] = inner.signal(name, sent[i], unit)
+        for drawn in inner.feeding(commands[i]):
+            inner.track(drawn, _tracking(practice, drawn), sent[i] - commands[i])
     _observe(inner, practice)
     return tuple(sent)
 
 
+def _tracking(practice: Practice, drawn: Filter) -> Expr:
+    """Return the time constant with which a filter follows what was sent."""
+    limits = practice.limits
+    if limits is not None and limits.tracking is not None:
+        return plain(limits.tracking)
+    assert drawn.exact_at is not None
+    return 1 / drawn.exact_at
+
+
 def _observe(diagram: ControllerDiagram, practice: Practice) -> None:
     """Draw what follows the response at the dither frequencies."""
+    guarded = diagram.guarded
     if practice.dither is not None:
-        seen = responses(
-            diagram, "S", diagram.xi, diagram.references, plain(practice.dither.response)
-        )
-        practice.dither.draw(diagram, diagram.factor, seen / diagram.factor)  # pyright: ignore[reportArgumentType]
+        seen = _response(diagram, "S", practice.dither.response)
+        practice.dither.draw(diagram, diagram.factor, seen, guarded.good)  # pyright: ignore[reportArgumentType]
     if practice.detector is not None:
-        seen = responses(
-            diagram, "A", diagram.xi, diagram.references, plain(practice.detector.response)
-        )
-        patience = None if practice.validity.timeout is None else diagram.guarded.patience
-        mean = diagram.guarded.held - diagram.xi
-        practice.detector.draw(diagram, seen, mean, patience)
+        seen = _response(diagram, "A", practice.detector.response)
+        patience = None if practice.validity.timeout is None else guarded.patience
+        mean = guarded.held - diagram.xi
+        practice.detector.draw(diagram, seen, mean, guarded.good, patience)
+
+
+def _response(diagram: ControllerDiagram, name: str, time: Any) -> Expr:
+    """Draw the response that the full dither would have."""
+    seen = responses(
+        diagram, name, diagram.xi, diagram.references, plain(time), diagram.guarded.good
+    )
+    size = diagram.size
+    return seen if size == 1 else diagram.signal(f"{name}_full", seen / maximum(size, SMALL), "1")

@@ -83,14 +83,6 @@ class SampledDiagram(Diagram):
         """Return 1 − e^(−dt/T): what a first-order lag of time constant T covers in a sample."""
         return 1 - sympy.exp(-self.dt / time)
 
-    def lag(
-        self, name: str, unit: str, entering: Expr, time: Expr, initial: Expr | float
-    ) -> Symbol:
-        """Add a state that follows `entering`, constant over a sample, as 1/(T s + 1) does."""
-        state = self.state(name, unit, initial)
-        self.follow(state, state + self.share(time) * (entering - state))
-        return state
-
     def warp(self, frequency: Expr | None) -> Expr:
         """Return K, ω/tan(ω dt/2), or 2/dt without a frequency."""
         if frequency is None:
@@ -133,3 +125,14 @@ class SampledDiagram(Diagram):
             self.follow(state, state + change)
         self.filters.append(Filter(states, ratio(law).denominator, exact_at))
         return block.output
+
+    def track(self, drawn: Filter, time: Expr, missed: Expr) -> None:
+        """Let a filter follow what was sent instead of its output, `missed` more.
+
+        x⁺ = A x + B m + L (v − u), L_i = binomial(n, i) λ^i − a_i, λ = 1 − e^(−dt/T): then all
+        eigenvalues of A − L C are e^(−dt/T).
+        """
+        order, share = len(drawn.states), self.share(time)
+        for i, (state, a) in enumerate(zip(drawn.states, drawn.denominator[1:], strict=True), 1):
+            gain = sympy.binomial(order, i) * share**i - a
+            self.follow(state, self.follows(state) + gain * missed)

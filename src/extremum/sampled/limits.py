@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-import sympy
-from sympy import Expr, Symbol
+from sympy import Expr
 
 from ..declarations import is_none
 from ..description import Description, value
 from ..errors import InvalidDescription, shown
 from ..logic import clamped, maximum, minimum
 from ..symbols import plain
-from .diagram import Filter, SampledDiagram
+from .diagram import SampledDiagram
 
 
 class Limits(Description):
     """Saturation and rate limit of every input, with anti-windup.
 
     v = u cut to v₋ ± R dt, then to low … high, v₋ the last v. The compensators, in observer form
-    x⁺ = A x + B m, C m + x₁ = u − probe, follow what was sent: x⁺ = A x + B m + L (v − u), with L
+    x⁺ = A x + B m, x₁ + D m = u − probe, follow what was sent: x⁺ = A x + B m + L (v − u), with L
     such that all eigenvalues of A − L C are e^(−dt/T), T = `tracking`. So the states forget within
-    T what the actuator could not do. Source: Åström and Wittenmark, Computer-Controlled Systems
-    (1997), section 9.4 (observer form of anti-windup).
+    T what the actuator could not do. They also do so while `Validity` fades the output, with or
+    without limits. Source: Åström and Wittenmark, Computer-Controlled Systems (1997), section 9.4
+    (observer form of anti-windup).
 
     While no limit is reached, nothing changes. While one is, the loop is open for what goes beyond
-    it: an unstable vehicle escapes if its input would have to be larger. A probe that is cut loses
-    amplitude, and with it loop gain: a sine cut at a share r of its amplitude keeps
-    (2/π)(asin r + r √(1 − r²)) of it.
+    it: an unstable vehicle escapes if its input would have to be larger. Limits must leave room for
+    the probe, or a warning says so: one that is cut at a share r of its amplitude keeps only
+    (2/π)(asin r + r √(1 − r²)) of it, and its peaks, which are tracked every period, turn an
+    integrator in C(s) into a slow leak.
 
     Parameters
     ----------
@@ -89,17 +89,22 @@ class Limits(Description):
         above = self.low is None or self.low[index] <= number
         return above and (self.high is None or number <= self.high[index])
 
+    def room(self, index: int, frequency: float) -> list[tuple[str, float]]:
+        """Return the amplitudes of a sine about 0 that each limit leaves to an input."""
+        found = [] if self.low is None else [("low", -self.low[index])]
+        found += [] if self.high is None else [("high", self.high[index])]
+        return found + ([] if self.rate is None else [("rate", self.rate[index] / frequency)])
+
     def draw(
         self,
         diagram: SampledDiagram,
         name: str,
         unit: str,
         index: int,
-        wanted: Symbol,
+        wanted: Expr,
         begin: Expr,
-        filters: Sequence[Filter],
     ) -> Expr:
-        """Draw the limits of one input and the anti-windup of its filters; return what is sent.
+        """Draw the limits of one input; return what is sent.
 
         `begin` is what was sent before the first sample.
         """
@@ -112,21 +117,9 @@ class Limits(Description):
         limited = diagram.signal(f"{name}_limited", sent, unit)
         if self.rate is not None:
             diagram.follow(last, limited)  # pyright: ignore[reportPossiblyUnboundVariable]
-        for drawn in filters:
-            assert drawn.exact_at is not None
-            tracking = 1 / drawn.exact_at if self.tracking is None else plain(self.tracking)
-            self._track(diagram, drawn, diagram.share(tracking), limited - wanted)
         return limited
 
     def _bounded(self, sent: Any, index: int) -> Any:
         if self.high is not None:
             sent = minimum(sent, plain(self.high[index]))
         return sent if self.low is None else maximum(sent, plain(self.low[index]))
-
-    @staticmethod
-    def _track(diagram: SampledDiagram, drawn: Filter, share: Expr, missed: Expr) -> None:
-        """Add L (v − u): L_i = binomial(n, i) λ^i − a_i, λ = 1 − e^(−dt/T)."""
-        order = len(drawn.states)
-        for i, (state, a) in enumerate(zip(drawn.states, drawn.denominator[1:], strict=True), 1):
-            gain = sympy.binomial(order, i) * share**i - a
-            diagram.follow(state, diagram.follows(state) + gain * missed)

@@ -20,7 +20,7 @@ from ..starts import initial_state
 from ..symbols import coordinates, plain, substituted, t
 from ..system import System
 from .actuators import Arriving, arriving
-from .controlling import check_rate, draw, slowest_period
+from .controlling import check_poles, check_probes, check_rate, draw, slowest_period
 from .delays import Late
 from .diagram import SampledDiagram
 from .motion import Exponentials, Linear, linear, moved
@@ -82,6 +82,8 @@ class SampledLoop(Loop):
         sampling = self.sampling
         _within("sampling", lambda: check_rate(system, values, sampling.dt))
         _within("sampling.actuator", lambda: sampling.actuator.check_inputs(len(names)))
+        _within("sampling", lambda: check_poles(self.controller, sampling.dt))
+        check_probes(self.controller, sampling.practice, self.vehicle.dynamics())
         slowest = slowest_period(system, values)
         _within(
             "sampling.practice",

@@ -110,7 +110,7 @@ class Practice(Description):
                     raise InvalidDescription(
                         "validity.safe", f"input {i} is beyond its limits", repr(number)
                     )
-        for name in ("dither", "detector"):
+        for name in ("dither", "detector", "changes"):
             item = getattr(self, name)
             if item is not None:
                 _within(name, lambda item=item: item.check_frequency(slowest))

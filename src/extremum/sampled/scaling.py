@@ -9,12 +9,16 @@ from sympy import Expr
 
 from ..description import Description, value
 from ..errors import InvalidDescription
-from ..logic import maximum
+from ..logic import maximum, minimum, positive
 from ..symbols import plain
 from .diagram import SampledDiagram
 
 LEAST: Final = 1e-18
 """The smallest number whose square is one in single precision too."""
+
+
+COUNTED: Final = 2.0**24
+"""Samples that are counted; single precision counts no further."""
 
 
 class Scale(Description, abstract=True):
@@ -24,8 +28,8 @@ class Scale(Description, abstract=True):
         """Return the sample after its scale; a number whatever the sample is."""
         return sample
 
-    def after(self, diagram: SampledDiagram, xi: Expr) -> Expr:
-        """Return ξ after its scale."""
+    def after(self, diagram: SampledDiagram, xi: Expr, good: Expr) -> Expr:
+        """Return ξ after its scale; `good` is positive where the sample counts."""
         return xi
 
 
@@ -35,7 +39,8 @@ class LogScale(Scale):
     Averaged: ∇ ln J = ∇J/J, so that the loop gain α c q C G is divided by J at the vehicle's
     position: a signal that is twice as strong everywhere is followed in the same way, and near the
     peak the loop has the curvature q/J*. Where J ∝ r^−n the gradient is n/r, however weak J is.
-    Below `floor` the signal counts as flat.
+    Below `floor` the signal counts as flat. Whatever else speaks of the signal then speaks of ln J:
+    the washout's start, and level, background and response of detector and shrinking dither.
 
     Parameters
     ----------
@@ -53,7 +58,9 @@ class LogScale(Scale):
 class RunningScale(Scale):
     """ξ divided by its own running size, ν = ξ/√(σ² + floor²), σ² the mean of ξ² over `time`.
 
-    σ²_k = σ²_(k−1) + (1 − e^(−dt/T)) (ξ_k² − σ²_(k−1)).
+    σ²_k = σ²_(k−1) + max(1 − e^(−dt/T), 1/k) (ξ_k² − σ²_(k−1)),
+
+    over the samples k = 1, 2, … that count: a plain mean at first, so that there is no kick.
 
     Averaged over the dither, with one axis and J = −q x̃²: σ² = α²q²(2 x̃² + α²/8), so that
 
@@ -83,10 +90,13 @@ class RunningScale(Scale):
                 "floor", f"must be at least {LEAST:g}, or its square is 0", repr(self.floor)
             )
 
-    def after(self, diagram: SampledDiagram, xi: Expr) -> Expr:
+    def after(self, diagram: SampledDiagram, xi: Expr, good: Expr) -> Expr:
         """Draw σ² and return ν."""
-        past = diagram.state("sigma2", "1", 0)
-        mean: Any = past + diagram.share(plain(self.time)) * (xi * xi - past)
+        past, seen = diagram.state("sigma2", "1", 0), diagram.state("seen", "1", 0)
+        count = diagram.signal("samples", positive(good, minimum(seen + 1, COUNTED), seen), "1")
+        diagram.follow(seen, count)
+        share = maximum(diagram.share(plain(self.time)), 1 / maximum(count, 1))
+        mean: Any = past + positive(good, share, 0) * (xi * xi - past)
         now = diagram.signal("size2", mean, "1")
         diagram.follow(past, now)
         floor = plain(self.floor)

@@ -43,8 +43,9 @@ class Validity(Description):
     and rising to 1 within `fade` when there is one again. The first good sample after a timeout
     starts the washout anew, ξ going on from where it is, so that the output has no jump.
 
-    While samples are missing the loop is open: it is as stable as the vehicle is by itself. A share
-    m of missing samples, spread evenly, leaves (1 − m) of the loop gain.
+    While samples are missing the loop is open: it is as stable as the vehicle is by itself. Single
+    ones that are missing now and then make the samples older, by their mean age, and cost hardly
+    any loop gain. After 2²³ missing samples the washout starts anew in any case.
 
     Parameters
     ----------
@@ -75,9 +76,12 @@ class Validity(Description):
 
     def check(self) -> None:
         """Refuse a range that holds nothing."""
-        if self.low is not None and self.high is not None and self.low >= self.high:
+        low = -HUGE if self.low is None else self.low
+        high = HUGE if self.high is None else self.high
+        if low >= min(high, HUGE):
+            bound = "high" if self.high is not None and self.high <= HUGE else "all samples"
             raise InvalidDescription(
-                "low", f"must be less than high = {self.high!r}", repr(self.low)
+                "low", f"must be less than {bound} = {min(high, HUGE)!r}", repr(low)
             )
 
     def check_times(self, dt: float) -> None:
@@ -108,8 +112,12 @@ class Validity(Description):
         if self.stuck is not None:
             same = diagram.state("same", "1", 0)
             more = minimum(same + 1, LONG)
+            before = last
+            if scaled != sample:  # a scale may make different samples equal
+                before = diagram.state("J_raw", "1", 0)
+                diagram.follow(before, positive(good, sample, before))
             repeats = diagram.signal(
-                "repeats", positive(good, positive(absolute(scaled - last), 0, more), more), "1"
+                "repeats", positive(good, positive(absolute(sample - before), 0, more), more), "1"
             )
             diagram.follow(same, repeats)
             limit = plain(self.stuck) / diagram.dt + sympy.Rational(1, 2)
@@ -124,7 +132,7 @@ class Validity(Description):
         diagram.follow(last, held)
         diagram.follow(age, missed)
         diagram.given |= {last: held, age: positive(good, 0, LONG)}
-        return Guarded(last, age, held, change, patience - missed)
+        return Guarded(last, age, good, held, change, patience - missed)
 
     def authority(self, diagram: SampledDiagram, guarded: Guarded) -> Symbol | None:
         """Draw λ, the share of the controller's output that reaches the vehicle."""
@@ -146,6 +154,8 @@ class Guarded:
     ----------
     last, age
         The states: the last sample that counted, and how many samples came after it.
+    good
+        Positive where the sample counts.
     held
         The sample, or the last one that counted.
     change
@@ -156,11 +166,13 @@ class Guarded:
 
     last: Symbol
     age: Symbol
+    good: Symbol
     held: Symbol
     change: Symbol
     patience: Expr
 
     def begin(self, diagram: SampledDiagram, start: Expr) -> None:
         """Let the signal have been `start` before the first sample."""
-        diagram.begin(self.last, start)
+        known = start.is_number and abs(float(start)) <= HUGE  # pyright: ignore[reportArgumentType]
+        diagram.begin(self.last, start if known else clamped(start, -HUGE, HUGE))
         diagram.begin(self.age, sympy.Integer(0))
