@@ -63,6 +63,7 @@ def drawn(seed: int, precision: int, operations: dict) -> Machine:
         outputs=(values[-6], values[-7]),
         clocks=(),
         units=dict.fromkeys((*STATES, "u_x", "u_y"), "m/s^2 */ %"),
+        signals={values[40]: "xi"},
     )
 
 

@@ -59,6 +59,15 @@ def test_controllers_and_states_go_to_other_processes_and_come_back() -> None:
     assert other.step(same, 0.3) == ctrl.step(state, 0.3)
 
 
+def test_step_and_init_say_what_they_do_and_refuse_other_states() -> None:
+    ctrl = fig4()
+    assert "the next state" in (ctrl.step.__doc__ or "")
+    assert "the first sample" in (ctrl.init.__doc__ or "")
+    for state in (None, (1.0, 2.0), 3):
+        with pytest.raises(es.InvalidDescription, match="not one of this controller"):
+            ctrl.step(state, 1.0)
+
+
 def test_the_equations_are_printed() -> None:
     text = str(fig4())
     assert "K = ω/tan(dt ω/2)" in " ".join(text.split())

@@ -27,6 +27,11 @@ def made(dt: float = DT, *, of: es.GradientES | None = None, **practice: object)
     return es.discretize(of or controller(), dt, practice=es.Practice(**practice))  # pyright: ignore[reportArgumentType]
 
 
+def two(**practice: object) -> es.DiscreteController:
+    of = controller().replace({"channels": controller().channels * 2})
+    return made(DT, of=of, **practice)
+
+
 def fed(ctrl: es.DiscreteController, samples: Sequence[float | None]) -> np.ndarray:
     """Return the first output at every sample."""
     return ctrl.run(samples)[:, 0]
@@ -146,7 +151,7 @@ def test_nothing_is_fed_back_before_the_first_good_sample() -> None:
 
 
 def test_missing_samples_now_and_then_cost_hardly_any_gain() -> None:
-    """At 40 % dropouts the averaged loop is as fast as without, e^(−αcq t), within some per cent."""
+    """At 40 % dropouts the averaged loop is as fast as without, e^(−αcq t)."""
     draw = np.random.default_rng(0)
     ctrl = made()
     x, count = 0.5, 4000
@@ -173,7 +178,17 @@ def test_a_compensator_comes_back_from_a_long_outage(law: str, limits: es.Limits
     assert np.isfinite(u).all()
     assert np.all(u[90_000:90_500] == 0.0)
     before, after = np.abs(u[:500]).max(), np.abs(u[90_500:]).max()
-    assert after < 1.5 * before + 0.5
+    assert after < 2 * before
+
+
+def test_nothing_is_sent_before_the_first_good_sample() -> None:
+    ctrl = made(validity=es.Validity(timeout=0.3, fade=0.5, safe=(0.7,)))
+    good = signal(300)
+    u = fed(ctrl, [*[None] * 500, *good])
+    assert np.all(u[:500] == 0.7)
+    alone = probe(800)[500:]
+    assert u[500] == pytest.approx(alone[0])
+    assert ctrl.skip(ctrl.init(None), 5).age == ctrl.init(None).age
 
 
 # --- limits -----------------------------------------------------------------------------------
@@ -420,7 +435,7 @@ def test_the_detectors_level_is_that_of_the_full_dither() -> None:
             (u,), state = ctrl.step(state, -x)
             x += DT * u
         seen = 2 * abs(state.A_1) / factor
-        assert seen == pytest.approx(ALPHA * OMEGA / math.hypot(OMEGA, WASHOUT), rel=0.02)
+        assert seen == pytest.approx(ALPHA * OMEGA / math.hypot(OMEGA, WASHOUT), rel=0.04)
 
 
 def test_a_running_scale_has_no_kick() -> None:
@@ -489,6 +504,8 @@ def test_a_signal_in_the_background_is_lost() -> None:
             "RunningScale",
         ),
         (lambda: made(limits=es.Limits(high=(1.0, 2.0))), "practice.limits.high"),
+        (lambda: two(limits=es.Limits(low=(-9.0,))), "practice.limits.low = (-9.0,): has 1"),
+        (lambda: two(validity=es.Validity(timeout=1, safe=(0.0,))), "has 1 entries for 2"),
         (lambda: made(limits=es.Limits(high=(-1.0,))), "practice.validity.safe = 0.0"),
         (lambda: made(validity=es.Validity(safe=(0, 0))), "practice.validity.safe"),
         (lambda: made(detector=es.Detector(1, 1, 0.1)), "slowest dither's period, 0.2094 s"),

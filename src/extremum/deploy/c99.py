@@ -92,6 +92,7 @@ def _language(real: Real) -> Language:
             **{name: real.call.format(called) for name, called in _MATHEMATICS.items()},
         },
         declaration=f"const {real.name} {{name}} = {{value}};",
+        remark=" /* {} */",
     )
 
 
@@ -255,7 +256,8 @@ class _Header:
         return found
 
     def _printed(self, results: Sequence[int]) -> Printed:
-        return statements(self.machine.tape, results, self.leaves, self.language)
+        machine = self.machine
+        return statements(machine.tape, results, self.leaves, self.language, machine.signals)
 
     def _init(self) -> list[str]:
         printed = self._printed(self.machine.start)
@@ -316,8 +318,10 @@ class _Header:
                 line
                 for clock in clocks
                 for line in (
-                    f"self->{clock} += ({real.name})steps;",
-                    f"self->{clock} = self->{clock} < {limit} ? self->{clock} : {limit};",
+                    f"if (self->{clock} < {limit}) {{",
+                    f"    self->{clock} += ({real.name})steps;",
+                    f"    self->{clock} = self->{clock} < {limit} ? self->{clock} : {limit};",
+                    "}",
                 )
             ),
         ]

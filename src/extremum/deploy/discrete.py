@@ -79,12 +79,16 @@ class DiscreteController(Description):
                     "or give discretize(…, vehicle=loop.vehicle)",
                     "None",
                 )
+        try:
+            self.practice.check_inputs(count)
+        except InvalidDescription as error:
+            raise error.within("practice") from None
         check_rate(self.system, self.values.tolist(), self.dt)
         check_poles(self.controller, self.dt)
         check_probes(self.controller, self.practice, (None,) * count)
         try:
             slowest = slowest_period(self.system, self.values.tolist())
-            self.practice.check_controller(len(self.inputs), slowest, self.dt)
+            self.practice.check_times(slowest, self.dt)
         except InvalidDescription as error:
             raise error.within("practice") from None
 
@@ -164,7 +168,7 @@ class DiscreteController(Description):
             )
         names, made = self.machine, {}
         for i in names.clocks:
-            made[names.states[i]] = state[i] + float(min(steps, LONG - state[i]))
+            made[names.states[i]] = state[i] + max(float(min(steps, LONG - state[i])), 0.0)
         for oscillator in names.oscillators:
             count = getattr(state, oscillator.name) + oscillator.increment * int(steps)
             made[oscillator.name] = (count + TURN // 2) % TURN - TURN // 2

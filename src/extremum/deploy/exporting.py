@@ -42,7 +42,7 @@ def export_c(
         The controller.
     folder
         Where to write; made if it does not exist. Files of an earlier export are replaced, all or
-        none.
+        none; controllers of several prefixes in one folder share the README of the last.
     prefix
         What every name in C begins with.
     precision
@@ -56,6 +56,8 @@ def export_c(
     """
     texts = exported(ctrl, prefix, precision)
     try:
+        if not str(folder):
+            raise InvalidDescription("folder", "must be named; '.' is the one you are in", "''")
         target = Path(folder)
         for path in (target / name for name in texts):
             if path.exists() and not _ours(path):
@@ -136,6 +138,7 @@ def _about(ctrl: DiscreteController) -> list[str]:
 
 
 def _ours(path: Path) -> bool:
+    """Return whether a file was written by an export."""
     try:
         with path.open(encoding="utf-8", errors="replace") as file:
             return MARK in file.read(2000)

@@ -76,6 +76,8 @@ class Machine:
         The states (by place) that count samples up to 2²⁴, also while no step is taken.
     units
         Name → unit, of states and outputs.
+    signals
+        Value → what it is: a signal of the equations, or an oscillator's sine or cosine.
     """
 
     dt: float
@@ -89,6 +91,7 @@ class Machine:
     outputs: tuple[int, ...]
     clocks: tuple[int, ...]
     units: Mapping[str, str]
+    signals: Mapping[int, str]
 
     def needed(self) -> list[int]:
         """Return the values of a step, in order."""
@@ -118,6 +121,7 @@ class _Builder:
         self.numbers = dict(zip(system.symbols, values, strict=True))
         self.turns = _increments(system, self.numbers, dt)
         self.waves: dict[Expr, tuple[int, int]] = {}
+        self.said: dict[int, str] = {}
 
     def built(self, given: Mapping[Symbol, Expr]) -> Machine:
         system, tape = self.system, self.tape
@@ -152,8 +156,7 @@ class _Builder:
             precision=self.precision,
             tape=tape,
             oscillators=tuple(
-                Oscillator(f"phase_{i + 1}" if len(self.turns) > 1 else "phase", n)
-                for i, n in enumerate(self.turns.values())
+                Oscillator(self.phase(i), n) for i, n in enumerate(self.turns.values())
             ),
             states=names,
             start=tuple(start),
@@ -162,6 +165,7 @@ class _Builder:
             outputs=tuple(outputs),
             clocks=tuple(i for i, name in enumerate(names) if name == "age"),
             units={name: units[name] for name in (*names, *commands)},
+            signals=self.said | {step.read(x): str(x) for x, _ in system.signals},
         )
 
     def _check(self, wanted: list[int]) -> None:
@@ -177,6 +181,10 @@ class _Builder:
                     "each other",
                 )
 
+    def phase(self, index: int) -> str:
+        """Return an oscillator's name."""
+        return f"phase_{index + 1}" if len(self.turns) > 1 else "phase"
+
     def wave(self, frequency: Expr) -> tuple[int, int]:
         """Return sin ωt and cos ωt from the oscillator's phase."""
         if frequency not in self.waves:
@@ -188,7 +196,9 @@ class _Builder:
             inner = tape.call("positive", tape.subtract(tape.constant(-0.25), turn), below, turn)
             folded = tape.call("positive", tape.subtract(turn, quarter), above, inner)
             turned = tape.subtract(quarter, tape.call("absolute", turn))
-            self.waves[frequency] = self._sine(folded), self._sine(turned)
+            self.waves[frequency] = sine, cosine = self._sine(folded), self._sine(turned)
+            name = self.phase(list(self.turns).index(frequency))
+            self.said |= {sine: f"sin of {name}", cosine: f"cos of {name}"}
         return self.waves[frequency]
 
     def _sine(self, turn: int) -> int:

@@ -26,7 +26,7 @@ def _number(number: float) -> str:
     return "INFINITE" if number == math.inf else repr(number)
 
 
-_LANGUAGE: Final = replace(LANGUAGE, number=_number)
+_LANGUAGE: Final = replace(LANGUAGE, number=_number, remark="  # {}")
 
 
 def module(machine: Machine, safe: Sequence[float], about: Sequence[str]) -> str:
@@ -126,9 +126,8 @@ class _Module:
 
     def _step(self) -> list[str]:
         machine, count = self.machine, len(self.machine.outputs)
-        printed = statements(
-            machine.tape, (*machine.outputs, *machine.following), self.leaves, _LANGUAGE
-        )
+        results = (*machine.outputs, *machine.following)
+        printed = statements(machine.tape, results, self.leaves, _LANGUAGE, machine.signals)
         commands, following = printed.results[:count], printed.results[count:]
         lines = [
             *self._sample(),
@@ -150,12 +149,13 @@ class _Module:
 
     def _skip(self) -> list[str]:
         machine = self.machine
-        lines = [
+        lines = ["steps = max(int(steps), 0)"]
+        lines += [
             f"self.{phase} = {_wrapped(f'self.{phase} + steps * {oscillator.increment}')}"
             for phase, oscillator in zip(self.phases, machine.oscillators, strict=True)
         ]
         clocks = [f"self.{self.states[i]}" for i in machine.clocks]
-        return [*lines, *(f"{x} = min({x} + steps, {LONG!r})" for x in clocks)]
+        return [*lines, *(f"{x} = max({x}, min({x} + steps, {LONG!r}))" for x in clocks)]
 
     def _change(self) -> tuple[str, str, list[str]]:
         lines: list[str] = []

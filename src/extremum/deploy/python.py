@@ -44,7 +44,10 @@ def stepper(machine: Machine, state: type) -> Callable[..., Any]:
     lines = [
         "def step(state, J):",
         "if J.__class__ is not float: J = number(J)",
-        f"{''.join(f'{name}, ' for name in (*names, *phases))}= state",
+        "try:",
+        f"    {''.join(f'{name}, ' for name in (*names, *phases))}= state",
+        "except (TypeError, ValueError):",
+        "    raise foreign(state) from None",
         *(f"t{i} = p{i} * {1 / TURN!r}" for i, _ in enumerate(phases)),
         *body.lines,
     ]
@@ -57,7 +60,7 @@ def stepper(machine: Machine, state: type) -> Callable[..., Any]:
     states = "".join(f"{value}, " for value in following)
     after = "".join(f"{phase}, " for phase in phases)
     lines.append(f"return ({outputs}), new(State, ({states}{after}))")
-    return _compiled("step", lines, state)
+    return _compiled("step", lines, state, STEP)
 
 
 def starter(machine: Machine, state: type) -> Callable[..., Any]:
@@ -71,22 +74,41 @@ def starter(machine: Machine, state: type) -> Callable[..., Any]:
         *body.lines,
         f"return new(State, ({states}{zeros}))",
     ]
-    return _compiled("init", lines, state)
+    return _compiled("init", lines, state, INIT)
 
 
-def _compiled(name: str, lines: list[str], state: type) -> Callable[..., Any]:
+STEP: Final = """Return what is sent, and the next state.
+
+J may be missing: None, NaN, infinite, or outside of what `Validity` believes.
+"""
+
+INIT: Final = """Return the state before the first step; J is the first sample, or None.
+
+A washout that starts otherwise than at the signal does not use it.
+"""
+
+
+def _compiled(name: str, lines: list[str], state: type, doc: str) -> Callable[..., Any]:
     text = "\n    ".join(lines)
     around = {
         "new": tuple.__new__,
         "State": state,
         "number": _number,
+        "foreign": _foreign,
         "sqrt": math.sqrt,
         "log": math.log,
         "inf": inf,
         "nan": nan,
     }
     exec(compile(text, f"<{name} of a discrete controller>", "exec"), around)  # of our own making
+    around[name].__doc__ = doc
     return around[name]
+
+
+def _foreign(state: Any) -> InvalidDescription:
+    return InvalidDescription(
+        "state", "is not one of this controller: take what init and step return", shown(state)
+    )
 
 
 def _number(sample: Any) -> float:

@@ -54,7 +54,8 @@ program may run as many controllers as it has `{prefix}_t`, each in one thread a
 | function | what it does |
 |---|---|
 {_functions(machine, prefix)}
-`{macro}_SAFE` is the safe output, to be sent when the program ends.
+`{macro}_SAFE` is the safe output, to be sent when the program ends:
+`const {real} safe[{macro}_INPUTS] = {macro}_SAFE; drive(safe);`
 
 ## Missing samples
 
@@ -130,7 +131,7 @@ def _functions(machine: Machine, prefix: str) -> str:
         rows.append(("change(self, gain, amplitude)", says))
     if "status" in machine.states:
         verdicts = ", ".join(f"`{prefix.upper()}_{x}`" for x in ("SEEKING", "ARRIVED", "LOST"))
-        rows.append(("status(self)", verdicts))
+        rows.append(("status(self)", f"as of the last step: {verdicts}"))
     return "".join(f"| `{prefix}_{head}` | {says} |\n" for head, says in rows)
 
 
@@ -142,7 +143,16 @@ def _missing(ctrl: DiscreteController) -> str:
             f" After {validity.timeout:g} s without a good sample the output goes over to the safe"
             f" one within {validity.fade:g} s, and comes back the same way."
         )
-    return said
+    told = [
+        f"{text} {getattr(validity, name):g}{unit}"
+        for name, text, unit in (
+            ("low", "below", ""),
+            ("high", "above", ""),
+            ("stuck", "unchanged for", " s"),
+        )
+        if getattr(validity, name) is not None
+    ]
+    return said + (f" Samples {', '.join(told)} count as missing too." if told else "")
 
 
 def _state(machine: Machine) -> str:

@@ -181,6 +181,8 @@ class Run:
         """Return J, NaN if it is missing."""
         try:
             given = self.read()
+            if isinstance(given, str | bytes):
+                raise TypeError(f"read returned {given!r}, which is text")
             sample = math.nan if given is None else float(given)
             self.in_a_row = 0
         except Exception as error:

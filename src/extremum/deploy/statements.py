@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 from ..engines.lanes.tape import Tape
@@ -27,11 +28,14 @@ class Language:
         Operation → its text, with ``{0}``, ``{1}``, … for the operands.
     declaration
         ``{name}`` gets ``{value}``.
+    remark
+        ``{}`` behind a statement.
     """
 
     number: Callable[[float], str]
     forms: Mapping[str, str]
     declaration: str
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ def statements(
     results: Sequence[int],
     leaves: Mapping[tuple[str, int], str],
     language: Language,
-    begin: int = 1,
+    remarks: Mapping[int, str] = MappingProxyType({}),
 ) -> Printed:
     """Print what the results need.
 
@@ -64,8 +68,8 @@ def statements(
         (name, index) of a leaf → what it is called.
     language
         How to write.
-    begin
-        Number of the first statement's name: v1, v2, …
+    remarks
+        Value → what is said of it behind its statement.
     """
     needed = tape.needed(results)
     uses = Counter(results)
@@ -87,8 +91,9 @@ def statements(
         else:
             text = language.forms[operation.name].format(*(texts[a] for a in operation.operands))
             if uses[value] > 1 or value in repeated or len(text) > LONGEST:
-                name = f"v{begin + len(lines)}"
-                lines.append(language.declaration.format(name=name, value=text))
+                name = f"v{len(lines) + 1}"
+                remark = language.remark.format(remarks[value]) if value in remarks else ""
+                lines.append(language.declaration.format(name=name, value=text) + remark)
                 texts[value] = name
             else:
                 texts[value] = f"({text})"

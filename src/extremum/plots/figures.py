@@ -56,7 +56,7 @@ def overview(
 
     output = figure.add_subplot(grid[0, :3])
     panels.over_time(output, run, run.J.values, label("J", unit_of(run.J)), view.signal)
-    panels.samples(output, run)
+    panels.samples(output, run, free=view.signal is None)
     output.set_title("(a) output", loc="left", fontsize=10)
 
     scene = motion(run, view, averaged)

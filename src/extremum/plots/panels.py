@@ -52,12 +52,19 @@ def over_time(
     mark_early_end(axes, run)
 
 
-def samples(axes: Axes, run: xarray.Dataset) -> None:
-    """Draw what a sampled loop's controller received behind J, where that is another thing."""
+def samples(axes: Axes, run: xarray.Dataset, *, free: bool) -> None:
+    """Draw what a sampled loop's controller received behind J, where that is another thing.
+
+    `free` says that the axes may be widened for it.
+    """
     if "sensed" in run and not run.sensed.equals(run.J):
         axes.plot(
-            run.time.values, run.sensed.values, color="0.8", lw=0.5, zorder=1, label="received"
+            run.time.values, run.sensed.values, color="0.72", lw=0.5, zorder=1, label="received"
         )
+        if free:
+            low, high = axes.get_ylim()
+            least, most = float(run.sensed.min()), float(run.sensed.max())
+            axes.set_ylim(min(low, least), max(high, most))
 
 
 def stage(figure: Figure, place: Any, scene: Scene) -> Axes:

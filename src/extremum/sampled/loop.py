@@ -85,10 +85,8 @@ class SampledLoop(Loop):
         _within("sampling", lambda: check_poles(self.controller, sampling.dt))
         check_probes(self.controller, sampling.practice, self.vehicle.dynamics())
         slowest = slowest_period(system, values)
-        _within(
-            "sampling.practice",
-            lambda: sampling.practice.check_controller(len(names), slowest, sampling.dt),
-        )
+        _within("sampling.practice", lambda: sampling.practice.check_inputs(len(names)))
+        _within("sampling.practice", lambda: sampling.practice.check_times(slowest, sampling.dt))
 
     @property
     def continuous(self) -> Loop:

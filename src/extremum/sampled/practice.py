@@ -82,34 +82,28 @@ class Practice(Description):
                 "leave one of them out, or use a LogScale",
             )
 
-    def check_controller(self, inputs: int, slowest: float, dt: float) -> None:
-        """Refuse what does not fit a controller.
-
-        Parameters
-        ----------
-        inputs
-            How many inputs it drives.
-        slowest
-            Its slowest dither's period (s).
-        dt
-            The time between two samples (s).
-        """
-        _within("validity", lambda: self.validity.check_times(dt))
-        if self.detector is not None:
-            time = self.detector.time
-            _within("detector", lambda: check_count("time", time, dt))
+    def check_inputs(self, inputs: int) -> None:
+        """Refuse what does not fit a controller of so many inputs."""
         safe, limits = self.validity.safe, self.limits
         if safe is not None and len(safe) != inputs:
             raise InvalidDescription(
                 "validity.safe", f"has {len(safe)} entries for {inputs} inputs; give one per input"
             )
-        if limits is not None:
-            _within("limits", lambda: limits.check_inputs(inputs))
-            for i, number in enumerate(safe or (0.0,) * inputs):
-                if not limits.admits(i, number):
-                    raise InvalidDescription(
-                        "validity.safe", f"input {i} is beyond its limits", repr(number)
-                    )
+        if limits is None:
+            return
+        _within("limits", lambda: limits.check_inputs(inputs))
+        for i, number in enumerate(safe or (0.0,) * inputs):
+            if not limits.admits(i, number):
+                raise InvalidDescription(
+                    "validity.safe", f"input {i} is beyond its limits", repr(number)
+                )
+
+    def check_times(self, slowest: float, dt: float) -> None:
+        """Refuse times that do not fit the slowest dither's period and dt (s)."""
+        _within("validity", lambda: self.validity.check_times(dt))
+        if self.detector is not None:
+            time = self.detector.time
+            _within("detector", lambda: check_count("time", time, dt))
         for name in ("dither", "detector", "changes"):
             item = getattr(self, name)
             if item is not None:

@@ -99,11 +99,16 @@ TGS2611: Final = Lag(3.44, 6.35)
 """Methane."""
 
 
+GAS_SENSORS: Final = {"TGS2620": TGS2620, "TGS2600": TGS2600, "TGS2611": TGS2611}
+
+
 def as_lag(given: Any) -> Any:
-    """Return a `Lag` for its time constant."""
+    """Return a `Lag` for its time constant, or the name of a gas sensor."""
     if given is None or isinstance(given, Description):
         return given
-    return Lag(given)
+    if isinstance(given, str) and given in GAS_SENSORS:
+        return GAS_SENSORS[given]
+    return Lag(given)  # pyright: ignore[reportArgumentType] - which refuses what is no number
 
 
 class ColouredNoise(Description):
@@ -147,7 +152,7 @@ class Sensor(Description):
     Parameters
     ----------
     lag
-        A `Lag`, or its time constant (s).
+        A `Lag`, its time constant (s), or the name of a gas sensor, such as ``"TGS2620"``.
     delay
         T ≥ 0 (s), any real number: the controller receives what left the lag at t_k − T, exactly,
         J(0) before t = T.

@@ -11,7 +11,7 @@ from sympy import Expr, Symbol
 from ..declarations import is_none
 from ..description import Description, value
 from ..errors import InvalidDescription
-from ..logic import absolute, clamped, minimum, positive
+from ..logic import absolute, clamped, maximum, minimum, positive
 from ..symbols import plain
 from .diagram import SampledDiagram
 
@@ -19,7 +19,10 @@ HUGE: Final = 1e18
 """No sample is larger: its square is still a number in single precision."""
 
 LONG: Final = 2.0**24
-"""Samples without a good one that stand for "there has been none"; counts are exact below."""
+"""Counts of samples end here: below, they are exact in single precision."""
+
+NEVER: Final = 2 * LONG
+"""The age of a sample that there has never been."""
 
 
 def check_count(name: str, time: float | None, dt: float) -> None:
@@ -41,7 +44,8 @@ class Validity(Description):
     as e^(−ht), and so does what is fed back. With a `timeout`, the output u goes over to the safe
     one, safe + λ (u − safe), λ falling to 0 within `fade` when no sample was good for `timeout`,
     and rising to 1 within `fade` when there is one again. The first good sample after a timeout
-    starts the washout anew, ξ going on from where it is, so that the output has no jump.
+    starts the washout anew, ξ going on from where it is, so that the output has no jump. Before the
+    first good sample of all the output is the safe one.
 
     While samples are missing the loop is open: it is as stable as the vehicle is by itself. Single
     ones that are missing now and then make the samples older, by their mean age, and cost hardly
@@ -52,7 +56,10 @@ class Validity(Description):
     low, high
         The range of believable samples (unit of J); None for no such bound.
     stuck
-        Time (s) after which a sample that repeats exactly is missing; None: never.
+        Time (s) after which a sample that repeats exactly is missing; None: never. For sensors
+        whose noise or resolution never lets a good sample repeat for so long: a coarse one repeats
+        near the peak, where J changes little, and with a `timeout` a vehicle that is then stopped
+        waits for ever.
     timeout
         Time (s) without a good sample before the output fades; None: never.
     fade
@@ -102,7 +109,7 @@ class Validity(Description):
             The sample as it came, which may be no number, and after its scale, which is one.
         """
         last = diagram.state("J_last", "1", 0)
-        age = diagram.state("age", "1", LONG)
+        age = diagram.state("age", "1", NEVER)
         good: Any = sympy.Integer(1)
         if self.high is not None:
             good = positive(sample - plain(self.high), 0, good)
@@ -124,14 +131,16 @@ class Validity(Description):
             good = positive(repeats - limit, 0, good)
         good = diagram.signal("good", good, "1")
         held = diagram.signal("J_held", positive(good, scaled, last), "1")
-        missed = diagram.signal("missed", positive(good, 0, minimum(age + 1, LONG)), "1")
+        missed = diagram.signal(
+            "missed", positive(good, 0, minimum(age + 1, maximum(age, LONG))), "1"
+        )
         patience: Any = sympy.Float(LONG / 2)
         if self.timeout is not None:  # half a sample less: rounding decides nothing
             patience = plain(self.timeout) / diagram.dt - sympy.Rational(1, 2)
         change = diagram.signal("dJ", positive(patience - age, held - last, 0), "1")
         diagram.follow(last, held)
         diagram.follow(age, missed)
-        diagram.given |= {last: held, age: positive(good, 0, LONG)}
+        diagram.given |= {last: held, age: positive(good, 0, NEVER)}
         return Guarded(last, age, good, held, change, patience - missed)
 
     def authority(self, diagram: SampledDiagram, guarded: Guarded) -> Symbol | None:
@@ -140,8 +149,9 @@ class Validity(Description):
             return None
         share = diagram.state("authority", "1", 1)
         step = diagram.dt / plain(self.fade)
-        moved = positive(guarded.patience, share + step, share - step)
-        now = diagram.signal("lambda", clamped(moved, 0, 1), "1")
+        moved = clamped(positive(guarded.patience, share + step, share - step), 0, 1)
+        begun = positive(NEVER - LONG / 2 - guarded.age, moved, guarded.good)
+        now = diagram.signal("lambda", begun, "1")
         diagram.follow(share, now)
         return now
 

@@ -67,7 +67,8 @@ def check_shrinking(loop: Loop, dither: ShrinkingDither) -> ShrinkingCheck:
     """Return whether a loop keeps the conditions under which its dither may shrink.
 
     The averaged loop must be stable with all amplitudes times a, for every a from `least` to 1, and
-    converge faster than a shrinks: T_shrink max |1/λ| > 1. Judged by its eigenvalues at 33 factors.
+    converge faster than a shrinks: T_shrink > 1/|λ| for its slowest mode λ. Judged by its
+    eigenvalues at 33 factors.
 
     Raises
     ------

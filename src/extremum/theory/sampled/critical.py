@@ -16,6 +16,7 @@ from ...sampled.controlling import FEWEST
 from ...sampled.practice import Practice
 from ...validation import positive
 from ..frame import Frame, relative
+from .asked import asked
 from .gain import gain_of
 from .received import Timing, frequencies, not_negative
 
@@ -126,11 +127,11 @@ class _Point(NamedTuple):
 
 def critical_delay(
     loop: Loop,
-    dt: float,
+    dt: float | None = None,
     low: float = 0.0,
     high: float | None = None,
     *,
-    lag: float = 0.0,
+    lag: float | None = None,
     practice: Practice | None = None,
     known: bool = False,
 ) -> StabilityLimit:
@@ -143,6 +144,8 @@ def critical_delay(
 
     Parameters
     ----------
+    loop
+        A `Loop`, or a `SampledLoop`; `low` … `high` takes the place of the delays it has.
     dt
         Time between two samples (s).
     low, high
@@ -158,17 +161,19 @@ def critical_delay(
     InvalidDescription
         If the interval is none; where `sampled_loop_gain` refuses.
     """
-    frame = relative(loop)
     low = not_negative("low", low)
+    high = None if high is None else _above(high, low)
+    given = asked(loop, dt, None, lag, practice)
 
     def timing(delay: float) -> Timing:
-        return Timing(dt, delay, lag, _knowing(practice, delay if known else None))
+        return given.timing(delay=delay, known=known)
 
+    timing(low)
+    frame = relative(given.loop)
     if high is None:
         late = gain_of(frame, timing(low)).margins.delay if known else 0.0
         period = 2 * math.pi / min(frequencies(frame))
         high = low + max(2 * late if math.isfinite(late) else 0.0, period)
-    high = _above(high, low)
     turns = 0.0 if known else (high - low) * max(frequencies(frame)) / (2 * math.pi)
     return _limit("delay", frame, timing, np.linspace(low, high, STEPS + int(TURN * turns) + 1))
 
@@ -178,9 +183,9 @@ def critical_dt(
     low: float | None = None,
     high: float | None = None,
     *,
-    delay: float = 0.0,
+    delay: float | None = None,
     samples: float = 0.0,
-    lag: float = 0.0,
+    lag: float | None = None,
     practice: Practice | None = None,
     known: bool = False,
 ) -> StabilityLimit:
@@ -192,6 +197,8 @@ def critical_dt(
 
     Parameters
     ----------
+    loop
+        A `Loop`, or a `SampledLoop`; `low` … `high` takes the place of the dt it has.
     low, high
         The interval (s). Left out, `high` leaves six samples in a period of the fastest dither, the
         fewest there may be, and `low` is a fiftieth of it.
@@ -207,23 +214,20 @@ def critical_dt(
     InvalidDescription
         If the interval is none; where `sampled_loop_gain` refuses.
     """
-    frame = relative(loop)
+    low = None if low is None else positive("low", low)
+    high = None if high is None else _above(high, low or 0.0)
+    samples = not_negative("samples", samples)
+    given = asked(loop, None, delay, lag, practice)
+    frame = relative(given.loop)
     slowest = 2 * math.pi / (FEWEST * max(frequencies(frame)))
-    high = positive("high", slowest if high is None else high)
-    low = high / SPAN if low is None else positive("low", low)
+    high = slowest if high is None else high
+    low = high / SPAN if low is None else low
     high = _above(high, low)
 
     def timing(dt: float) -> Timing:
-        late = delay + samples * dt
-        return Timing(dt, late, lag, _knowing(practice, late if known else None))
+        return given.timing(dt=dt, delay=given.delay + samples * dt, known=known)
 
     return _limit("dt", frame, timing, np.geomspace(low, high, STEPS + 1))
-
-
-def _knowing(practice: Practice | None, delay: float | None) -> Practice:
-    """Return the practice, with its delay replaced where one is given."""
-    practice = practice or Practice()
-    return practice if delay is None else practice.replace({"delay": delay})
 
 
 def _above(high: float, low: float) -> float:
@@ -257,7 +261,7 @@ def _limit(
         stable=tuple(ends for ends, held in zip(pairwise(edges), good, strict=True) if held),
         values=tuple(p.value for p in points),
         leading=tuple(p.leading for p in points),
-        notes=frame.notes,
+        notes=frame.notes + timing(points[0].value).notes,
     )
 
 

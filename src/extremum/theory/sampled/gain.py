@@ -19,6 +19,7 @@ from ...symbols import axis_names
 from ..demodulation import gradient
 from ..frame import Frame, relative
 from ..linear import linear, pole_text
+from .asked import asked
 from .held import Complex, Held, Matrix, StateSpace, chained, held, realised, tustin
 from .received import Received, Timing, coefficients, frequencies, received
 
@@ -201,15 +202,17 @@ class SampledLoopGain:
         lines.append(f"  slowest modes: {shown_modes} 1/s: {verdict}")
         if self.stable:
             lines.append(f"  {self.margins}")
-        return "\n".join([*lines, *(f"  Note: {note}." for note in self._notes())])
+        return "\n".join([*lines, *(f"  Note: {note}." for note in self.notes)])
 
     __str__ = __repr__ = text
 
-    def _notes(self) -> tuple[str, ...]:
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was taken for granted or left out, in sentences."""
         fastest = max(frequencies(self.frame))
         samples = 2 * math.pi / (fastest * self.dt)
         few = f"{samples:.3g} samples per period of the fastest dither are few, {FEW} are better"
-        return ((few,) if samples < FEW else ()) + self.frame.notes
+        return ((few,) if samples < FEW else ()) + self.frame.notes + self.timing.notes
 
     def _eigenvalues(self, block: Sequence[int]) -> Complex:
         from scipy.sparse import csc_array
@@ -226,10 +229,10 @@ class SampledLoopGain:
 
 def sampled_loop_gain(
     loop: Loop,
-    dt: float,
+    dt: float | None = None,
     *,
-    delay: float = 0.0,
-    lag: float = 0.0,
+    delay: float | None = None,
+    lag: float | None = None,
     practice: Practice | None = None,
 ) -> SampledLoopGain:
     """Return the loop gain of the averaged loop whose controller runs every `dt` seconds.
@@ -250,6 +253,9 @@ def sampled_loop_gain(
 
     Parameters
     ----------
+    loop
+        A `Loop`, or a `SampledLoop`, whose `sampling` says what is left out here; a lag of its
+        sensor becomes part of F.
     dt
         Time between two samples (s), at least six in a period of the fastest dither.
     delay
@@ -258,21 +264,25 @@ def sampled_loop_gain(
         τ (s) of an actuator 1/(τs + 1) before the vehicle; 0 for none. A sensor's belongs into
         ``loop.sensor``.
     practice
-        `Practice`, as `discretize` takes it: its `delay` and `lag` are T̂ and τ̂. None, or without a
-        delay, ψ̂ = 0.
+        `Practice`, as `discretize` takes it: its `delay` and `lag` are T̂ and τ̂. Without a delay,
+        ψ̂ = 0.
 
     Raises
     ------
     InvalidDescription
-        For a dt that is not positive or leaves fewer than six samples in a period, a negative
-        delay or lag, a signal that is scaled; where `loop_gain` refuses the loop.
+        For a dt that is not positive, missing or leaves fewer than six samples in a period, a
+        negative delay or lag, a signal that is scaled, a sensor that rises and decays unequally;
+        where `loop_gain` refuses the loop. Limits, quantisation and lost samples are left out,
+        `notes` says so.
 
     Notes
     -----
     Sources: Åström and Wittenmark (1997), section 2.6, for G_d; the averaged loop as in
     `loop_gain`. Checked against simulation on both sides of its stability limits.
     """
-    return gain_of(relative(loop), Timing(dt, delay, lag, practice or Practice()))
+    given = asked(loop, dt, delay, lag, practice)
+    timing = given.timing()
+    return gain_of(relative(given.loop), timing)
 
 
 def gain_of(frame: Frame, timing: Timing) -> SampledLoopGain:

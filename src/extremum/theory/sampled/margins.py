@@ -51,6 +51,8 @@ class Margins:
 
     def __str__(self) -> str:
         low, high = self.gain
+        if math.isnan(high):
+            return "not stable: no margins"
         smaller = f"{low:.4g} … " if low else "up to "
         phase = f"phase {math.degrees(self.phase):.4g}° at {self.crossover[0]:.4g} rad/s"
         delay = f"delay {self.delay:.4g} s at {self.crossover[1]:.4g} rad/s"

@@ -11,9 +11,10 @@ import sympy
 from sympy import Expr, Symbol
 
 from ...controllers import GradientES
-from ...errors import InvalidDescription
-from ...loop import Loop
+from ...errors import InvalidDescription, shown
+from ...loop import Loop, checked
 from ...printing import aligned, expression_text
+from ...sampled.loop import SampledLoop
 from ...sampled.practice import Practice
 from ...symbols import axis_names, s
 from ...validation import positive
@@ -32,7 +33,7 @@ SETTLED: Final = 1e-9
 
 NODES: Final = 64
 
-LETTERS: Final = (Symbol("sigma", positive=True), Symbol("dt", positive=True))
+LETTERS: Final = tuple(Symbol(name, positive=True) for name in ("sigma", "dt", "tau_n"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +51,9 @@ class NoiseVariance:
     period_covariance
         Of its mean over one period of the controller's ω (m²).
     law
-        The variance of each axis in closed form, for white noise, fast sampling (dt → 0 with σ² dt
-        kept), ω → ∞ and no delay: in the loop's symbols, σ and dt. None where axes are coupled.
+        The variance of each axis in closed form, for fast sampling (dt → 0 with σ² dt kept),
+        ω → ∞ and no delay: in the loop's symbols, σ and dt, and τ_n in the factor S_n(ω dt)/σ² of
+        noise that is not white. None where axes are coupled.
     """
 
     gain: SampledLoopGain
@@ -73,17 +75,12 @@ class NoiseVariance:
 
     @property
     def closed_form(self) -> Matrix | None:
-        """`law` in numbers (m²), times S_n(ω dt)/σ² of the noise if it is not white."""
+        """`law` in numbers (m²)."""
         if self.law is None:
             return None
-        table: Any = dict(zip(LETTERS, (self.sigma, self.gain.dt), strict=True))
-        found = self.gain.frame.numbers([e.subs(table) for e in self.law])
-        turns = np.array(frequencies(self.gain.frame)) * self.gain.dt
-        return found * _coloured(turns, self._memory)
-
-    @property
-    def _memory(self) -> float:
-        return _memory(self.gain.dt, self.correlation_time)
+        numbers = (self.sigma, self.gain.dt, self.correlation_time)
+        table: Any = dict(zip(LETTERS, numbers, strict=True))
+        return self.gain.frame.numbers([e.subs(table) for e in self.law])
 
     def within(self, radius: float) -> float:
         """Return the probability that a period's mean is within `radius` (m) of where it rests.
@@ -114,7 +111,7 @@ class NoiseVariance:
                 f"of a period's mean {self.period_deviation[i]:.4g} m{known}"
             )
         lines += self._correlations(names)
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  Note: {note}." for note in self.gain.notes)])
 
     __str__ = __repr__ = text
 
@@ -126,12 +123,12 @@ class NoiseVariance:
 
 def noise_variance(
     loop: Loop,
-    dt: float,
-    sigma: float,
+    dt: float | None = None,
+    sigma: float | None = None,
     *,
-    correlation_time: float = 0.0,
-    delay: float = 0.0,
-    lag: float = 0.0,
+    correlation_time: float | None = None,
+    delay: float | None = None,
+    lag: float | None = None,
     practice: Practice | None = None,
 ) -> NoiseVariance:
     """Return the covariance of the position that noise on the samples of J causes.
@@ -153,19 +150,23 @@ def noise_variance(
 
     Parameters
     ----------
+    loop
+        A `Loop`, or a `SampledLoop`, as in `sampled_loop_gain`.
     dt
         Time between two samples (s).
     sigma
-        Standard deviation of the noise in a sample (unit of J).
+        Standard deviation of the noise in a sample (unit of J); that of a `SampledLoop`'s sensor,
+        white or coloured, if left out.
     correlation_time
-        τ_n (s): n_(k+1) = e^(−dt/τ_n) n_k + white noise; 0 for white noise.
+        τ_n (s), given with `sigma`: n_(k+1) = e^(−dt/τ_n) n_k + white noise; white if left out.
     delay, lag, practice
         As in `sampled_loop_gain`.
 
     Raises
     ------
     InvalidDescription
-        For a loop that is not stable or too close to it; where `sampled_loop_gain` refuses.
+        For a loop that is not stable or too close to it, or without noise; where
+        `sampled_loop_gain` refuses.
 
     Notes
     -----
@@ -173,16 +174,15 @@ def noise_variance(
     source. Sources: Åström, Introduction to Stochastic Control Theory (1970), chapter 5, for the
     integrals in closed form; Parseval's theorem for the rest.
     """
+    sigma, correlation_time = _noise(loop, sigma, correlation_time)
     gain = sampled_loop_gain(loop, dt, delay=delay, lag=lag, practice=practice)
-    sigma = positive("sigma", sigma)
-    correlation_time = not_negative("correlation_time", correlation_time)
     if not gain.stable:
         raise InvalidDescription(
             "loop",
             f"is not stable when sampled: its slowest mode is {gain.modes[0]:.4g} 1/s, so that the "
             "error grows without bound; see sampled_loop_gain",
         )
-    instant, period = _covariances(gain, _memory(dt, correlation_time))
+    instant, period = _covariances(gain, _memory(gain.dt, correlation_time))
     parts = linear(gain.frame.equations, gain.frame.loop.twin)
     return NoiseVariance(
         gain=gain,
@@ -190,8 +190,36 @@ def noise_variance(
         correlation_time=correlation_time,
         covariance=sigma**2 * instant,
         period_covariance=sigma**2 * period,
-        law=_law(parts, gradient(gain.frame.loop.twin)),
+        law=_law(parts, gradient(gain.frame.loop.twin), white=not correlation_time),
     )
+
+
+def _noise(loop: Loop, sigma: Any, correlation_time: Any) -> tuple[float, float]:
+    """Return σ and τ_n as given, or those of a sampled loop's sensor."""
+    if correlation_time is not None:
+        correlation_time = not_negative("correlation_time", correlation_time)
+    if sigma is not None:
+        return positive("sigma", sigma), correlation_time or 0.0
+    if correlation_time is not None:
+        raise InvalidDescription("sigma", "must be given with a correlation_time")
+    if not isinstance(checked(loop, sampled=True), SampledLoop):
+        raise InvalidDescription(
+            "sigma", "must be given: how noisy its samples are only a SampledLoop says itself"
+        )
+    sensor: Any = loop.sampling.sensor
+    white, coloured = sensor.noise or 0.0, sensor.coloured
+    if coloured is None or not coloured.deviation:
+        if not white:
+            raise InvalidDescription("sigma", "must be given: the sensor of this loop has no noise")
+        return white, 0.0
+    if white:
+        raise InvalidDescription(
+            "sampling.sensor.coloured",
+            "comes with white noise, and this is about one of them: give sigma, and then sigma and "
+            "correlation_time, and add the covariances",
+            shown(coloured),
+        )
+    return coloured.deviation, coloured.time
 
 
 def _memory(dt: float, correlation_time: float) -> float:
@@ -252,16 +280,20 @@ def _covariances(gain: SampledLoopGain, memory: float) -> tuple[Matrix, Matrix]:
     )
 
 
-def _law(parts: Linear, controller: GradientES) -> tuple[Expr, ...] | None:
-    """Return each axis' variance for white noise and fast sampling, in closed form."""
+def _law(parts: Linear, controller: GradientES, *, white: bool) -> tuple[Expr, ...] | None:
+    """Return each axis' variance for fast sampling, in closed form."""
     if not parts.sensor.is_diagonal():
         return None
-    sigma, dt = LETTERS
+    sigma, dt, time = LETTERS
+    kept = sympy.exp(-dt / time)
+    turning = controller.frequencies()
     found = []
     for i, (above, below) in enumerate(zip(parts.above, parts.below, strict=True)):
         intensity = controller.channels[i].gain ** 2 * sigma**2 * dt / 2
         closed = sympy.Poly(sympy.expand(below + parts.sensor[i, i] * above), s)
-        found.append(sympy.factor(intensity * _energy(sympy.Poly(above, s), closed)))
+        law: Any = sympy.factor(intensity * _energy(sympy.Poly(above, s), closed))
+        heard = (1 - kept**2) / (1 - 2 * kept * sympy.cos(turning[i] * dt) + kept**2)
+        found.append(law if white else law * heard)
     return tuple(found)
 
 

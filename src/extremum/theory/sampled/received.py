@@ -14,7 +14,7 @@ from ...errors import InvalidDescription, shown
 from ...rational import Ratio, at_frequency, ratio
 from ...sampled.controlling import FEWEST
 from ...sampled.practice import Practice
-from ...validation import number, positive
+from ...validation import number
 from ..demodulation import gradient
 from ..frame import Frame
 from .held import Complex, Held, Matrix, realised, tustin
@@ -32,12 +32,20 @@ class Timing:
         T of everything in the loop together, and τ of an actuator 1/(τs + 1) (s).
     practice
         What the references account for.
+    left_out
+        Paths of what the loop has and a linear one has not.
     """
 
     dt: float
     delay: float
     lag: float
     practice: Practice
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is left out, as a sentence."""
+        return (f"left out, simulate it: {', '.join(self.left_out)}",) if self.left_out else ()
 
     @property
     def slowing(self) -> list[float]:
@@ -52,24 +60,15 @@ class Timing:
         return late + math.atan(frequency * (self.practice.lag or 0.0))
 
     def check(self, frame: Frame) -> None:
-        """Refuse numbers that are none, too few samples in a period, and a scaled signal."""
+        """Refuse too few samples in a period."""
         fastest = max(frequencies(frame))
-        samples = 2 * math.pi / (fastest * positive("dt", self.dt))
+        samples = 2 * math.pi / (fastest * self.dt)
         if samples < FEWEST * (1 - 1e-9):
             raise InvalidDescription(
                 "dt",
                 f"gives {samples:.3g} samples in a period of the fastest dither, {fastest:g} rad/s;"
                 f" {FEWEST} are the fewest: take dt ≤ {2 * math.pi / (fastest * FEWEST):.4g} s",
                 shown(self.dt),
-            )
-        not_negative("delay", self.delay)
-        not_negative("lag", self.lag)
-        if self.practice.scale is not None:
-            raise InvalidDescription(
-                "practice.scale",
-                "changes the loop's gain with the signal, which no linear loop does; leave it out "
-                "and give the channels the gains that it comes to near the source",
-                shown(self.practice.scale),
             )
 
     def __str__(self) -> str:
