@@ -187,3 +187,15 @@ def test_what_is_printed() -> None:
 def test_bad_intervals(arguments: Any, message: str) -> None:
     with pytest.raises(es.InvalidDescription, match=message):
         critical_delay(velocity_actuated(), 0.01, **arguments)
+
+
+@pytest.mark.parametrize("name", ["samples", "delay", "lag"])
+def test_what_is_negative_is_refused_by_its_own_name(name: str) -> None:
+    with pytest.raises(es.InvalidDescription, match=f"^{name} = -1: must not be negative"):
+        critical_dt(velocity_actuated(), **{name: -1})
+
+
+@pytest.mark.parametrize("name", ["low", "high"])
+def test_a_dt_is_positive(name: str) -> None:
+    with pytest.raises(es.InvalidDescription, match=f"^{name} = 0: must be a finite number great"):
+        critical_dt(velocity_actuated(), **{name: 0})

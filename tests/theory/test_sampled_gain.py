@@ -307,6 +307,8 @@ def test_what_is_printed() -> None:
     assert "delay 0.04 s; references account for none of it" in unstable
     assert "not stable" in unstable
     assert "margins" not in unstable
+    growing = sampled_loop_gain(force_actuated(), 0.02, delay=0.04).margins
+    assert str(growing) == "not stable: no margins"
 
 
 @pytest.mark.parametrize(
@@ -317,6 +319,8 @@ def test_what_is_printed() -> None:
         ({"dt": 0.01, "delay": -1}, "delay = -1: must not be negative"),
         ({"dt": 0.01, "lag": -1}, "lag = -1: must not be negative"),
         ({"dt": 0.01, "delay": math.nan}, "delay = nan: must be a finite number"),
+        ({}, "dt: must be given: .* only a SampledLoop says"),
+        ({"dt": 0.01, "practice": 0.02}, "practice = 0.02: must be a Practice"),
         (
             {"dt": 0.01, "practice": es.Practice(scale=es.LogScale(1.0))},
             "practice.scale = .*leave it",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,11 @@ import sympy
 from loops import force_actuated, velocity_actuated
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 from scipy.stats import chi2
+from sympy.parsing.sympy_parser import (
+    implicit_multiplication,
+    parse_expr,
+    standard_transformations,
+)
 
 import extremum as es
 from extremum import s
@@ -113,6 +119,35 @@ def test_correlated_noise_counts_by_its_spectrum_at_the_dither() -> None:
             (found.covariance, white.covariance, 0.07),  # what is at 0 is moved to ω: jitter
         ):
             assert np.diag(ours) == pytest.approx(np.diag(flat) * ratio, rel=part)
+
+
+@pytest.mark.parametrize("tau", [1e-9, 0.003, 0.05])
+def test_the_printed_law_gives_the_printed_number(tau: float) -> None:
+    """c dt σ²/(4 α q) S_n(ω dt)/σ², S_n the Fourier sum of the correlations ρ^|m|."""
+    dt = 1e-3
+    found = noise_variance(velocity_actuated(**APART), dt, 0.1, correlation_time=tau)
+    lags = np.arange(1, 4000)
+    correlation = np.exp(-lags * dt / tau)
+    numbers = {"sigma": 0.1, "dt": dt, "tau_n": tau, "omega": 30.0}
+    names = {name: sympy.Symbol(name, positive=True) for name in (
+        *numbers, "c_x", "alpha_x", "q_x", "c_y", "alpha_y", "q_y")}  # fmt: skip
+    printed = [line for line in str(found).splitlines() if "var " in line]
+    deviations = re.findall(r"in closed form ([\d.]+) m", str(found))
+    assert found.law is not None
+    for i, (axis, w, q) in enumerate((("x", 30.0, 1.0), ("y", 45.0, 0.5))):
+        own = {f"c_{axis}": 10.0, f"alpha_{axis}": 0.08, f"q_{axis}": q}
+        spectrum = 1 + 2 * (correlation * np.cos(w * dt * lags)).sum()
+        wanted = 10.0 * dt * 0.1**2 / (4 * 0.08 * q) * spectrum
+        law = found.law[i]
+        table = {letter: (numbers | own)[letter.name] for letter in law.free_symbols}
+        assert float(law.subs(table)) == pytest.approx(wanted, rel=1e-9)
+        text = printed[i].split(" = ")[1]
+        for shown, name in {"σ²": "sigma**2", "τ_n": "tau_n", "α": "alpha", "ω": "omega"}.items():
+            text = text.replace(shown, name)
+        read = parse_expr(text, names, (*standard_transformations, implicit_multiplication))
+        values = {names[key]: number for key, number in (numbers | own).items()}
+        assert float(read.subs(values)) == pytest.approx(wanted, rel=1e-9)
+        assert float(deviations[i]) == pytest.approx(math.sqrt(wanted), rel=1e-3)
 
 
 def test_axes_that_share_a_frequency_in_quadrature_are_uncorrelated() -> None:
@@ -229,6 +264,8 @@ def test_what_is_printed() -> None:
     [
         ({"sigma": 0.0}, "sigma = 0.0: must be a finite number greater than 0"),
         ({"sigma": 1.0, "correlation_time": -1}, "correlation_time = -1: must not be negative"),
+        ({}, "sigma: must be given: .* only a SampledLoop says"),
+        ({"correlation_time": 0.1}, "sigma: must be given with a correlation_time"),
         (
             {"sigma": 1.0, "delay": 0.06},
             "loop: is not stable when sampled: its slowest mode is 0.2186",

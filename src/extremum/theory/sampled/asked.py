@@ -75,7 +75,8 @@ def asked(
     if practice is not None and not isinstance(practice, Practice):
         raise InvalidDescription("practice", "must be a Practice", shown(practice))
     where, skipped = "practice", ()
-    if isinstance(checked(loop, sampled=True), SampledLoop):
+    loop = checked(loop, sampled=True)
+    if isinstance(loop, SampledLoop):
         sampling: Any = loop.sampling
         dt = sampling.dt if dt is None else dt
         delay = (

@@ -202,7 +202,8 @@ def _noise(loop: Loop, sigma: Any, correlation_time: Any) -> tuple[float, float]
         return positive("sigma", sigma), correlation_time or 0.0
     if correlation_time is not None:
         raise InvalidDescription("sigma", "must be given with a correlation_time")
-    if not isinstance(checked(loop, sampled=True), SampledLoop):
+    loop = checked(loop, sampled=True)
+    if not isinstance(loop, SampledLoop):
         raise InvalidDescription(
             "sigma", "must be given: how noisy its samples are only a SampledLoop says itself"
         )

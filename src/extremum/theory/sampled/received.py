@@ -45,7 +45,8 @@ class Timing:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is left out, as a sentence."""
-        return (f"left out, simulate it: {', '.join(self.left_out)}",) if self.left_out else ()
+        listed = ", ".join(self.left_out)
+        return (f"left out, as simulate_sampled does not: {listed}",) if self.left_out else ()
 
     @property
     def slowing(self) -> list[float]:
