@@ -104,10 +104,10 @@ def test_what_is_left_out_is_said() -> None:
         velocity_actuated(),
         sensor=es.Sensor(noise=0.1, low=-9.0, high=9.0, step=0.01, dropout=0.05),
         actuator=es.Actuator(low=-6.0, high=6.0, rate=500.0),
-        practice=es.Practice(limits=es.Limits(low=-6.0, high=6.0)),
+        practice=es.Practice(limits=es.Limits(low=(-6.0, -6.0), high=(6.0, 6.0))),
     )
     note = (
-        "Note: left out, as simulate_sampled does not: sampling.sensor.low, sampling.sensor.high, "
+        "Note: left out, but not by simulate_sampled: sampling.sensor.low, sampling.sensor.high, "
         "sampling.sensor.step, sampling.sensor.dropout, sampling.actuator.low, "
         "sampling.actuator.high, sampling.actuator.rate, sampling.practice.limits."
     )
@@ -115,15 +115,21 @@ def test_what_is_left_out_is_said() -> None:
         assert note in str(found)
     assert note in str(noise_variance(loop))
     plain = sampled_loop_gain(velocity_actuated(), 0.002, practice=loop.sampling.practice)
-    assert plain.notes == ("left out, as simulate_sampled does not: practice.limits",)
+    assert plain.notes == ("left out, but not by simulate_sampled: practice.limits",)
     assert sampled_loop_gain(velocity_actuated(), 0.002).notes == ()
 
 
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"sensor": es.Sensor(lag=es.Lag(0.03, 0.1))}, r"sampling.sensor.lag.decay = 0.1: differs"),
-        ({"practice": es.Practice(scale=es.LogScale(1.0))}, "sampling.practice.scale = .*leave it"),
+        (
+            {"sensor": es.Sensor(es.Lag(0.03, 0.1), noise=0.1)},
+            "sampling.sensor.lag.decay = 0.1: differs",
+        ),
+        (
+            {"sensor": es.Sensor(noise=0.1), "practice": es.Practice(scale=es.LogScale(1.0))},
+            "sampling.practice.scale = .*leave it",
+        ),
         ({}, "sigma: must be given: the sensor of this loop has no noise"),
         (
             {"sensor": es.Sensor(noise=0.1, coloured=es.ColouredNoise(0.1, 0.02))},

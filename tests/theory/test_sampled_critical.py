@@ -191,11 +191,13 @@ def test_bad_intervals(arguments: Any, message: str) -> None:
 
 @pytest.mark.parametrize("name", ["samples", "delay", "lag"])
 def test_what_is_negative_is_refused_by_its_own_name(name: str) -> None:
+    given: Any = {name: -1}
     with pytest.raises(es.InvalidDescription, match=f"^{name} = -1: must not be negative"):
-        critical_dt(velocity_actuated(), **{name: -1})
+        critical_dt(velocity_actuated(), **given)
 
 
 @pytest.mark.parametrize("name", ["low", "high"])
 def test_a_dt_is_positive(name: str) -> None:
+    given: Any = {name: 0}
     with pytest.raises(es.InvalidDescription, match=f"^{name} = 0: must be a finite number great"):
-        critical_dt(velocity_actuated(), **{name: 0})
+        critical_dt(velocity_actuated(), **given)

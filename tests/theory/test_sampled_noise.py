@@ -138,7 +138,7 @@ def test_the_printed_law_gives_the_printed_number(tau: float) -> None:
         own = {f"c_{axis}": 10.0, f"alpha_{axis}": 0.08, f"q_{axis}": q}
         spectrum = 1 + 2 * (correlation * np.cos(w * dt * lags)).sum()
         wanted = 10.0 * dt * 0.1**2 / (4 * 0.08 * q) * spectrum
-        law = found.law[i]
+        law: Any = found.law[i]
         table = {letter: (numbers | own)[letter.name] for letter in law.free_symbols}
         assert float(law.subs(table)) == pytest.approx(wanted, rel=1e-9)
         text = printed[i].split(" = ")[1]

@@ -96,11 +96,8 @@ def test_ten_thousand_noisy_runs(gain: float, t_end: float, radius: float) -> No
     assert abs(share - predicted) < 4 * math.sqrt(predicted * (1 - predicted) / 10_000)
 
 
-def test_a_sampled_loop_is_told_by_its_parts() -> None:
-    loop = velocity_actuated()
-    sampled = es.SampledLoop(
-        loop.field, loop.vehicle, loop.controller, loop.start, sampling=es.Sampling(dt=0.01)
-    )
+def test_the_theory_of_continuous_loops_refuses_a_sampled_one() -> None:
+    sampled = es.SampledLoop.of(velocity_actuated(), es.Sampling(dt=0.01))
     with pytest.raises(es.InvalidDescription, match=r"take loop\.continuous"):
-        sampled_loop_gain(sampled, 0.01)
+        es.loop_gain(sampled)
     assert sampled_loop_gain(sampled.continuous, 0.01).stable

@@ -10,12 +10,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from .. import plots
 from ..errors import InvalidDescription
+from ..loop import Loop
 from ..papers import zhang2007
 from ..requirements import load_requirements
+from ..sampled.loop import SampledLoop
 from ..scenario import Scenario, format_scenario, load_scenario
 from .files import Files
 from .inputs import in_file, load, suffixed
@@ -120,7 +122,7 @@ def equations(options: argparse.Namespace) -> int:
         if options.average:
             from ..theory.averaging import average
 
-            averaged = average(scenario.loop)
+            averaged = average(_continuous(scenario.loop, sys.stderr if options.latex else None))
             print(averaged.latex() if options.latex else averaged.text())
             return 0
         loop = scenario.loop
@@ -133,7 +135,7 @@ def stability(options: argparse.Namespace) -> int:
     from ..theory.verdict import stability as judge
 
     with _about(options.scenario) as scenario:
-        verdict = judge(scenario.loop)
+        verdict = judge(_continuous(scenario.loop, sys.stderr if options.json else None))
     if options.json:
         print(json.dumps(verdict.data(), indent=2, ensure_ascii=False))
     else:
@@ -143,7 +145,31 @@ def stability(options: argparse.Namespace) -> int:
         if scenario.title:
             console.print(scenario.title, markup=False, highlight=False)
         console.print(rendered(verdict, console.width))
-    return 0 if verdict.stable else 1
+    text, stable = _sampled(scenario.loop)
+    if text and not options.json:
+        print(f"\n{text}")
+    return 0 if verdict.stable and stable else 1
+
+
+def _continuous(loop: Loop, notes: TextIO | None = None) -> Loop:
+    """Return a loop as theory takes it; say on `notes`, or standard output, what is left out."""
+    if isinstance(loop, SampledLoop):
+        print("[sampling] is left out: this is the continuous loop", file=notes)
+        return loop.continuous
+    return loop
+
+
+def _sampled(loop: Loop) -> tuple[str, bool]:
+    """Return what a sampled loop's average says, or why there is none; whether it is stable."""
+    from ..theory.sampled import sampled_loop_gain
+
+    if not loop.sampled:
+        return "", True
+    try:
+        gain = sampled_loop_gain(loop)
+    except InvalidDescription as error:
+        return f"No averaged sampled loop: {error}", True
+    return str(gain), gain.stable
 
 
 def _console() -> Console:

@@ -152,6 +152,9 @@ def _add_stability(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -
   extremum stability fig4.toml                the table
   extremum stability fig4.toml --json         the same for programs
 
+of a scenario with a table [sampling] the verdict is the continuous loop's; the averaged sampled
+loop, its modes and margins, is printed after it, and the exit status is 0 if both are stable
+
 exit status: 0 stable, 1 not stable or not shown to be, 2 something in the input is wrong""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

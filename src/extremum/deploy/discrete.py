@@ -24,14 +24,13 @@ from ..sampled.practice import Practice
 from ..sampled.validity import LONG
 from ..symbols import axis_names
 from ..system import System
+from ..validation import number
 from ..vehicles import Vehicle
 from .machine import TURN, Machine, machine
 from .python import starter, stepper
+from .records import placed
 
 STATUS: Final = {SEEKING: "seeking", ARRIVED: "arrived", LOST: "lost"}
-
-LONGEST: Final = 1e9
-"""Sampling instants of a record."""
 
 SAMPLE: Final = Symbol("J", real=True)
 """What the controller is given at every step."""
@@ -233,14 +232,7 @@ class DiscreteController(Description):
         InvalidDescription
             For samples out of order, or two at the same instant.
         """
-        try:
-            record = list(samples)
-        except TypeError:
-            raise InvalidDescription(
-                "samples", "must be a list of numbers", shown(samples)
-            ) from None
-        if times is not None:
-            record = self._placed(record, times)
+        record = placed(samples, times, self.dt)
         if not record:
             return np.empty((0, len(self.inputs)))
         state, sent = self.init(record[0]), np.empty((len(record), len(self.inputs)))
@@ -248,44 +240,11 @@ class DiscreteController(Description):
             sent[k], state = self.step(state, sample)
         return sent
 
-    def _placed(self, record: list[Any], times: Sequence[float]) -> list[Any]:
-        stamps = np.asarray(times)
-        real = stamps.dtype.kind in "iuf" or not stamps.size
-        if not real or stamps.shape != (len(record),) or not np.isfinite(stamps).all():
-            raise InvalidDescription(
-                "times", f"must be one finite time (s) for each of the {len(record)} samples"
-            )
-        if not len(record):
-            return []
-        stamps = stamps.astype(float)
-        if (stamps - stamps[0]).max() / self.dt > LONGEST:
-            raise InvalidDescription(
-                "times", f"span more than {LONGEST:g} sampling instants of {self.dt!r} s"
-            )
-        places = np.rint((stamps - stamps[0]) / self.dt).astype(np.int64)
-        late = np.flatnonzero(np.diff(places) <= 0)
-        if len(late):
-            k = int(late[0])
-            after, before = float(stamps[k + 1]), float(stamps[k])
-            reason = (
-                f"sample {k + 1} at {after!r} s comes before sample {k} at {before!r} s; sort them"
-                if after < before
-                else f"samples {k} and {k + 1} at {before!r} and {after!r} s belong to the same "
-                f"instant: dt is {self.dt!r} s"
-            )
-            raise InvalidDescription("times", reason)
-        placed: list[Any] = [None] * int(places[-1] + 1)
-        for place, sample in zip(places.tolist(), record, strict=True):
-            placed[place] = sample
-        return placed
-
     def __str__(self) -> str:
         return self.system.text(self._flat[1])
 
 
 def _factor(name: str, given: Any, positive: bool) -> float:
-    from ..validation import number
-
     try:
         factor = number(given)
     except InvalidDescription as error:

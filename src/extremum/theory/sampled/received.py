@@ -46,7 +46,7 @@ class Timing:
     def notes(self) -> tuple[str, ...]:
         """What is left out, as a sentence."""
         listed = ", ".join(self.left_out)
-        return (f"left out, as simulate_sampled does not: {listed}",) if self.left_out else ()
+        return (f"left out, but not by simulate_sampled: {listed}",) if self.left_out else ()
 
     @property
     def slowing(self) -> list[float]:
