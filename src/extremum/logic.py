@@ -6,7 +6,7 @@ functions stay as they are written: each is an operation of the engines, with th
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import sympy
 from sympy import Expr
@@ -19,46 +19,43 @@ class _Operation(sympy.Function):
         return super().__new__(cls, *operands)
 
 
-class positive(_Operation):  # noqa: N801 - printed in equations
+class _Choice(_Operation):
+    """One of two operands: the second of `parts` where the first holds, else the third."""
+
+    parts: ClassVar[tuple[str, str, str]]
+
+    def _chosen(self, printer: Any) -> list[str]:
+        operands = [printer._print(operand) for operand in self.args]
+        return [part.format(*operands) for part in self.parts]
+
+    def _numpycode(self, printer: Any) -> str:
+        condition, a, b = self._chosen(printer)
+        return f"numpy.where({condition}, {a}, {b})"
+
+    def _pythoncode(self, printer: Any) -> str:
+        condition, a, b = self._chosen(printer)
+        return f"(({a}) if {condition} else ({b}))"
+
+
+class positive(_Choice):  # noqa: N801 - printed in equations
     """positive(x, a, b) is a where x > 0, else b, also where x is NaN."""
 
     nargs = 3
-
-    def _numpycode(self, printer: Any) -> str:
-        x, a, b = map(printer._print, self.args)
-        return f"numpy.where(({x}) > 0, {a}, {b})"
-
-    def _pythoncode(self, printer: Any) -> str:
-        x, a, b = map(printer._print, self.args)
-        return f"(({a}) if ({x}) > 0 else ({b}))"
+    parts = ("({0}) > 0", "{1}", "{2}")
 
 
-class maximum(_Operation):  # noqa: N801
+class maximum(_Choice):  # noqa: N801
     """maximum(a, b) is a where a > b, else b, also where a is NaN."""
 
     nargs = 2
-
-    def _numpycode(self, printer: Any) -> str:
-        a, b = map(printer._print, self.args)
-        return f"numpy.where(({a}) > ({b}), {a}, {b})"
-
-    def _pythoncode(self, printer: Any) -> str:
-        a, b = map(printer._print, self.args)
-        return f"(({a}) if ({a}) > ({b}) else ({b}))"
+    parts = ("({0}) > ({1})", "{0}", "{1}")
 
 
-class minimum(_Operation):  # noqa: N801
+class minimum(_Choice):  # noqa: N801
     """minimum(a, b) is a where a < b, else b, also where a is NaN."""
 
     nargs = 2
-
-    def _numpycode(self, printer: Any) -> str:
-        a, b = map(printer._print, self.args)
-        return f"numpy.where(({a}) < ({b}), {a}, {b})"
-
-    def _pythoncode(self, printer: Any) -> str:
-        a, b = map(printer._print, self.args)
-        return f"(({a}) if ({a}) < ({b}) else ({b}))"
+    parts = ("({0}) < ({1})", "{0}", "{1}")
 
 
 class absolute(_Operation):  # noqa: N801

@@ -142,6 +142,8 @@ class System:
         None for differential equations; the sampling time's symbol for difference equations.
     derived
         The last parameters, if they are functions of the others that no formula states.
+    essential
+        The signals without which a run ends; None: all that may have no value.
     """
 
     states: tuple[Symbol, ...]
@@ -157,6 +159,7 @@ class System:
     time: Symbol = time
     dt: Symbol | None = None
     derived: Derived | None = None
+    essential: tuple[Symbol, ...] | None = None
 
     @property
     def symbols(self) -> tuple[Symbol, ...]:

@@ -94,23 +94,23 @@ class Built:
                 *(folder / "driver.c", "-o", library, "-lm"),
             ]
         )
-        self.library = ctypes.CDLL(str(library))
-        self.library.size.restype = ctypes.c_size_t
+        self.shared_object = ctypes.CDLL(str(library))
+        self.shared_object.size.restype = ctypes.c_size_t
         names = [*(o.name for o in ctrl.machine.oscillators), *ctrl.machine.states]
         kinds = [np.int64] * len(ctrl.machine.oscillators) + [self.real] * len(ctrl.machine.states)
         self.layout = np.dtype(list(zip(names, kinds, strict=True)), align=True)
-        assert self.layout.itemsize == self.library.size()
+        assert self.layout.itemsize == self.shared_object.size()
         self.state = np.zeros(1, self.layout)
 
     def call(self, name: str, *arguments: float) -> None:
         """Call a function of the header that returns nothing: numbers of its type, or steps."""
         real = ctypes.c_float if self.real is np.float32 else ctypes.c_double
         given = [ctypes.c_uint32(int(x)) if name == "skip" else real(x) for x in arguments]
-        getattr(self.library, f"esc_{name}")(self._pointer(), *given)
+        getattr(self.shared_object, f"esc_{name}")(self._pointer(), *given)
 
     def status(self) -> int:
         """Return the header's status."""
-        return self.library.esc_status(self._pointer())
+        return self.shared_object.esc_status(self._pointer())
 
     def run(self, samples: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """Return the commands, (steps, inputs), and the states after every step, as records."""
@@ -119,7 +119,7 @@ class Built:
         commands = np.empty((len(given), len(self.ctrl.inputs)), self.real)
         states = np.empty(len(given), self.layout)
         pointers = [ctypes.c_void_p(x.ctypes.data) for x in (given, commands, states)]
-        self.library.run(self._pointer(), *pointers, ctypes.c_size_t(len(given)))
+        self.shared_object.run(self._pointer(), *pointers, ctypes.c_size_t(len(given)))
         return commands, states
 
     def _pointer(self) -> ctypes.c_void_p:

@@ -146,6 +146,32 @@ def test_every_channel_demodulates_at_the_continuous_washouts_phase() -> None:
             assert math.hypot(along, across) == pytest.approx(abs(response) / 2, rel=1e-9)
 
 
+@pytest.mark.parametrize("b", [3.0, 50.0])
+def test_elsewhere_the_washout_errs_as_it_is_stated(b: float) -> None:
+    """What it should do at b it does at b (1 + (ω² − b²) dt²/12); −h decays at h (1 + …)."""
+    h, omega, dt = 8.0, 20.0, 5e-3
+    of = es.GradientES(
+        frequency=omega, washout=h, channels=(es.Channel(es.Probe(1e-9), gain=0.0, reference=0),)
+    )
+    ctrl = es.discretize(of, dt)
+    there = b * (1 + (omega**2 - b**2) * dt**2 / 12)
+    state, seen, times = ctrl.init(0.0), [], dt * np.arange(6000)
+    for t in times:
+        _, state = ctrl.step(state, math.sin(there * t))
+        seen.append(state.xi_last)
+    late = slice(3000, None)
+    waves = np.stack([np.sin(there * times[late]), np.cos(there * times[late])], axis=1)
+    along, across = np.linalg.lstsq(waves, np.array(seen)[late], rcond=None)[0]
+    assert complex(along, across) == pytest.approx(1j * b / (1j * b + h), abs=1e-4)
+    assert abs(1j * there / (1j * there + h) - 1j * b / (1j * b + h)) > 2e-4
+    xi = state.xi_last
+    for _ in range(100):
+        _, state = ctrl.step(state, None)
+    rate = -math.log(state.xi_last / xi) / (100 * dt)
+    assert rate == pytest.approx(h * (1 + (omega**2 + h**2) * dt**2 / 12), rel=3e-6)
+    assert rate != pytest.approx(h, rel=1e-4)
+
+
 def test_a_ramp_is_exact_at_the_samples() -> None:
     of = FIG4.controller.replace({"probe_ramp": 0.3, "channels.0.gain": 0.0})
     u = es.discretize(of, 1e-3, vehicle=FIG4.vehicle).run([1.0] * 2000)[:, 0]

@@ -37,7 +37,7 @@ def sampled(
         parameters=tuple(Parameter(p, str(p), "1") for p in PARAMETERS),
         units={},
         dt=dt,
-        **{"carriers": (), **more},
+        **{"carriers": (), "essential": (), **more},
     )
 
 

@@ -17,8 +17,7 @@ import numpy as np
 from ..errors import InvalidDescription
 from ..sampled.adapting import LARGEST
 from ..sampled.validity import LONG
-from .naming import Names
-from .statements import Language, Printed, leaves_of, operations_of, statements
+from .statements import ARITHMETIC, Language, Printed, leaves_of, operations_of, spelled, statements
 
 if TYPE_CHECKING:
     from .machine import Machine
@@ -81,11 +80,7 @@ def _language(real: Real) -> Language:
     return Language(
         number=real.number,
         forms={
-            "add": "{0} + {1}",
-            "subtract": "{0} - {1}",
-            "multiply": "{0} * {1}",
-            "divide": "{0} / {1}",
-            "negative": "-{0}",
+            **ARITHMETIC,
             "maximum": "{0} > {1} ? {0} : {1}",
             "minimum": "{0} < {1} ? {0} : {1}",
             "positive": f"{{0}} > {zero} ? {{1}} : {{2}}",
@@ -155,15 +150,8 @@ class _Header:
         self.machine, self.prefix, self.macro = machine, prefix, prefix.upper()
         self.real = REALS[machine.precision]
         self.language = _language(self.real)
-        names = Names(("self", "J", "u", "steps", "fabs", "log", "sqrt"))
-        self.phases = tuple(names.fresh(o.name) for o in machine.oscillators)
-        self.states = tuple(names.fresh(name) for name in machine.states)
-        self.turns = tuple(names.fresh(f"{phase}_turn") for phase in self.phases)
-        self.leaves = {
-            ("sample", 0): "J",
-            **{("state", i): name for i, name in enumerate(self.states)},
-            **{("turn", i): name for i, name in enumerate(self.turns)},
-        }
+        taken = ("self", "J", "u", "steps", "fabs", "log", "sqrt")
+        self.phases, self.states, self.turns, self.leaves = spelled(machine, taken)
 
     def text(self, safe: Sequence[float], about: Sequence[str]) -> str:
         """Return the header."""

@@ -11,9 +11,8 @@ from ..sampled.adapting import LARGEST
 from ..sampled.validity import LONG
 from .c99 import VERDICTS, WANTED, changes, kept
 from .machine import TURN
-from .naming import Names
 from .python import LANGUAGE
-from .statements import operations_of, statements
+from .statements import operations_of, spelled, statements
 
 if TYPE_CHECKING:
     from .machine import Machine
@@ -49,15 +48,8 @@ class _Module:
 
     def __init__(self, machine: Machine) -> None:
         self.machine = machine
-        names = Names(("self", "J", "u", "abs", "float", "INFINITE", *_METHODS, *_IMPORTED))
-        self.phases = tuple(names.fresh(o.name) for o in machine.oscillators)
-        self.states = tuple(names.fresh(name) for name in machine.states)
-        self.turns = tuple(names.fresh(f"{phase}_turn") for phase in self.phases)
-        self.leaves = {
-            ("sample", 0): "J",
-            **{("state", i): name for i, name in enumerate(self.states)},
-            **{("turn", i): name for i, name in enumerate(self.turns)},
-        }
+        taken = ("self", "J", "u", "abs", "float", "INFINITE", *_METHODS, *_IMPORTED)
+        self.phases, self.states, self.turns, self.leaves = spelled(machine, taken)
 
     def text(self, safe: Sequence[float], about: Sequence[str]) -> str:
         """Return the file."""

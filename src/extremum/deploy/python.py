@@ -9,16 +9,12 @@ from typing import Any, Final
 
 from ..errors import InvalidDescription, shown
 from .machine import TURN, Machine
-from .statements import Language, statements
+from .statements import ARITHMETIC, Language, statements
 
 LANGUAGE: Final = Language(
     number=repr,
     forms={
-        "add": "{0} + {1}",
-        "subtract": "{0} - {1}",
-        "multiply": "{0} * {1}",
-        "divide": "{0} / {1}",
-        "negative": "-{0}",
+        **ARITHMETIC,
         "absolute": "abs({0})",
         "maximum": "{0} if {0} > {1} else {1}",
         "minimum": "{0} if {0} < {1} else {1}",

@@ -6,12 +6,25 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ..engines.lanes.tape import Tape
+from .naming import Names
+
+if TYPE_CHECKING:
+    from .machine import Machine
 
 LONGEST: Final = 30
 """Characters of an operand that is written where it is used, if it is used once."""
+
+ARITHMETIC: Final = {
+    "add": "{0} + {1}",
+    "subtract": "{0} - {1}",
+    "multiply": "{0} * {1}",
+    "divide": "{0} / {1}",
+    "negative": "-{0}",
+}
+"""What C and Python write alike."""
 
 _TWICE: Final = ("maximum", "minimum")
 
@@ -36,6 +49,26 @@ class Language:
     forms: Mapping[str, str]
     declaration: str
     remark: str = ""
+
+
+class Spelling(NamedTuple):
+    """A machine's names in a language: of phases, states and turns, and of every leaf."""
+
+    phases: tuple[str, ...]
+    states: tuple[str, ...]
+    turns: tuple[str, ...]
+    leaves: dict[tuple[str, int], str]
+
+
+def spelled(machine: Machine, taken: Iterable[str]) -> Spelling:
+    """Return names that differ from those that are `taken`; the sample is J."""
+    names = Names(taken)
+    phases = tuple(names.fresh(o.name) for o in machine.oscillators)
+    states = tuple(names.fresh(name) for name in machine.states)
+    turns = tuple(names.fresh(f"{phase}_turn") for phase in phases)
+    leaves = {("state", i): name for i, name in enumerate(states)}
+    leaves |= {("turn", i): name for i, name in enumerate(turns)}
+    return Spelling(phases, states, turns, {("sample", 0): "J", **leaves})
 
 
 @dataclass(frozen=True)

@@ -199,6 +199,7 @@ class _Drawing:
             oracles=MappingProxyType(dict(self.loop.field.oracles())),
             dt=self.sampling.dt,  # pyright: ignore[reportArgumentType]
             derived=numbers,
+            essential=(signal,),
         )
 
     def _vehicle(self) -> Linear:

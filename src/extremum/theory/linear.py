@@ -110,22 +110,11 @@ class LoopGain:
         InvalidDescription
             For one axis of a coupled loop; if python-control is not installed.
         """
-        try:
-            import control
-        except ImportError:
-            raise InvalidDescription(
-                "", "python-control is not installed: pip install 'extremum[control]'"
-            ) from None
-        rows = self.numbers.tolist()
+        control, rows = control_library(), self.numbers.tolist()
         if axis is None:
             entries = [[_coefficients(e) for e in row] for row in rows]
             return control.tf(*([[entry[k] for entry in row] for row in entries] for k in (0, 1)))
-        if self.axes is None:
-            raise InvalidDescription(
-                "axis", "the axes are coupled, none has a loop gain of its own; leave it out", ""
-            )
-        if axis not in range(len(rows)):
-            raise InvalidDescription("axis", f"must lie in 0 … {len(rows) - 1}", shown(axis))
+        check_axis(axis, len(rows), self.axes is not None)
         return control.tf(*_coefficients(rows[axis][axis]))
 
     def __str__(self) -> str:
@@ -149,6 +138,27 @@ class LoopGain:
     def _repr_latex_(self) -> str:
         law = self.matrix if self.axes is None else sympy.Matrix(self.axes)
         return f"$\\displaystyle L(s) = {sympy.latex(law)}$"
+
+
+def control_library() -> Any:
+    """Return python-control, and say how to install it where it is missing."""
+    try:
+        import control
+    except ImportError:
+        raise InvalidDescription(
+            "", "python-control is not installed: pip install 'extremum[control]'"
+        ) from None
+    return control
+
+
+def check_axis(axis: int, count: int, alone: bool) -> None:
+    """Refuse an axis that there is not, or that has no loop gain of its own."""
+    if axis not in range(count):
+        raise InvalidDescription("axis", f"must lie in 0 … {count - 1}", shown(axis))
+    if not alone:
+        raise InvalidDescription(
+            "axis", "the axes are coupled, none has a loop gain of its own; leave it out", ""
+        )
 
 
 def loop_gain(loop: Loop) -> LoopGain:

@@ -221,8 +221,8 @@ class Ground:
     def guards(self, states: Sequence[int]) -> tuple[int, ...]:
         """Return what is negative after the step where the field has no value.
 
-        Of difference equations only J counts: they say themselves what they make of a sample that
-        is no number.
+        Where the system says which signals are essential, only those count: difference equations
+        say themselves what they make of a sample that is no number.
         """
         if self.system.guards:
             reading = self.at(states, self.tape.constant(1.0))
@@ -237,9 +237,8 @@ class Ground:
 def undefinable(system: System) -> list[Symbol]:
     """Return the signals that may have no value and end a loop then."""
     found = [symbol for symbol, e in system.signals if _is_limited(e)]
-    if system.dt is None:
-        return found
-    return [symbol for symbol in found if symbol in system.outputs.get("J", ())]
+    essential = system.essential
+    return found if essential is None else [symbol for symbol in found if symbol in essential]
 
 
 def _is_limited(expression: Expr) -> bool:

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from ...errors import InvalidDescription, shown
 from ...loop import Loop
 from ...sampled.controlling import FEW
 from ...sampled.practice import Practice
 from ...symbols import axis_names
 from ..demodulation import gradient
 from ..frame import Frame, relative
-from ..linear import linear, pole_text
+from ..linear import check_axis, control_library, linear, pole_text
 from .asked import asked
 from .held import Complex, Held, Matrix, StateSpace, chained, held, realised, tustin
 from .received import Received, Timing, coefficients, frequencies, received
@@ -163,18 +162,9 @@ class SampledLoopGain:
         InvalidDescription
             For one axis of a coupled loop; if python-control is not installed.
         """
-        try:
-            import control
-        except ImportError:
-            raise InvalidDescription(
-                "", "python-control is not installed: pip install 'extremum[control]'"
-            ) from None
-        if axis is not None and axis not in range(len(self.plants)):
-            raise InvalidDescription("axis", f"must lie in 0 … {len(self.plants) - 1}", shown(axis))
-        if axis is not None and (axis,) not in self.blocks:
-            raise InvalidDescription(
-                "axis", "the axes are coupled, none has a loop gain of its own; leave it out", ""
-            )
+        control = control_library()
+        if axis is not None:
+            check_axis(axis, len(self.plants), (axis,) in self.blocks)
         chosen = list(range(len(self.plants))) if axis is None else [axis]
         a, b, c = self.matrices(chosen)
         slope = self.slope[np.ix_(chosen, chosen)]
